@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -70,6 +70,19 @@ def test_the_page_shows_the_table(page: Page, done: tuple[Path, Sweep]) -> None:
     assert "256 runs" in page.run("document.getElementById('subtitle').textContent")
     page.picture(PICTURES / "sweep.png")
     require_silence(page)
+
+
+def test_names_of_axes_stand_side_by_side_where_there_are_many(page: Page) -> None:
+    """As close as 16 columns at 1280 pixels."""
+    page.run("(() => { const wide = document.getElementById('wide'), n = document.querySelectorAll('.axis').length;"
+             " wide.style.minWidth = '0'; wide.style.width = `${110 * (n - 1) + 140}px`; })()")  # fmt: skip
+    name = "'front_left_spring_stiffness_objective_number'.replaceAll('_', '_\\u200b')"
+    page.run("dispatchEvent(new Event('resize'))")
+    page.run(f"document.querySelectorAll('.axis b').forEach((b) => b.textContent = {name})")
+    ends = page.run("[...document.querySelectorAll('.axis b')].map((b) => { const r = document.createRange(); r.selectNodeContents(b);"
+                    " const { left, right } = r.getBoundingClientRect(); return [left, right]; })")  # fmt: skip
+    assert len(ends) > 3
+    assert all(one[1] < other[0] for one, other in pairwise(ends)), ends
 
 
 def test_an_axis_filters(page: Page, done: tuple[Path, Sweep]) -> None:

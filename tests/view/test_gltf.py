@@ -10,10 +10,13 @@ from shutil import which
 import numpy as np
 import pytest
 
+from cutjoint.topology.reading import read_model_text
 from cutjoint.view import meshes
+from cutjoint.view.drawing import draw
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.motions import along, product, quaternions_of, rotated, rotation_to, shortest
 from cutjoint.view.records import Drawing, Mesh, Node, Part
+from cutjoint.view.views import _placed, show_start
 from tests.conftest import MODELS, needs_cpp
 from tests.view.conftest import Shown, call
 from tests.view.files import Gltf, read_csv
@@ -106,7 +109,8 @@ def test_a_mechanism_without_bodies_is_empty() -> None:
 def every_mesh() -> dict[str, Mesh]:
     x, z = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 1.0, 1.0])
     return {
-        "box": meshes.box(1, 2, 3), "cylinder": meshes.cylinder(1, 2), "sphere": meshes.sphere(1.0), "coil": meshes.coil(0.1),
+        "box": meshes.box(1, 2, 3), "cylinder": meshes.cylinder(1, 2), "disc": meshes.disc(1, 2), "sphere": meshes.sphere(1.0),
+        "coil": meshes.coil(0.1),
         "tyre": meshes.tyre(1.0), "rim": meshes.rim(1.0), "strip": meshes.strip(x, z, 1.0, 0.0),
         "between": meshes.between(np.zeros(3), np.ones(3), 0.1),
     }  # fmt: skip
@@ -147,3 +151,21 @@ def test_what_does_not_move_has_no_track() -> None:
     gltf = Gltf(content)
     assert [c["target"] for c in gltf.document["animations"][0]["channels"]] == [{"node": 2, "path": "translation"}]
     assert len(gltf.document["accessors"]) == 5, "the mesh stands there once"
+
+
+@pytest.mark.parametrize("shape", ["", ", shapes: [{cylinder: {radius: 0.2, length: 0.1}, at: [0, 0, 0], axis: [0, 0, 1], mass: 2}]"])
+def test_a_body_that_turns_about_its_axis_shows_it(shape: str) -> None:
+    """No rotation by a part of a turn brings its points back to where points were."""
+    mass = "" if shape else "mass: 2, centre_of_mass: [0, 0, 0], inertia: [0.1, 0.1, 0.2]"
+    model = read_model_text(
+        f"cutjoint: 1\nname: rotor\ngravity: [0, 0, 0]\nbodies: {{disc: {{{mass}{shape.removeprefix(', ')}}}}}\n"
+        "joints: {spin: {kind: revolute, bodies: [ground, disc], at: [0, 0, 0], axis: z}}\nscenes: {still: {end: 1}}\n", "rotor.yaml",
+    )  # fmt: skip
+    shown = show_start(model, model.scenes["still"], {})
+    (disc,) = (node for node in draw(_placed(shown, shown.poses, shown.t), shown.t).nodes if node.name == "disc")
+    points = disc.parts[0].mesh.points
+    size = np.abs(points).max()
+    for angle in np.radians(np.arange(9, 360, 9)):
+        moved = points @ np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        away = np.linalg.norm(moved[:, None] - points[None], axis=2).min(axis=1)
+        assert away.max() > 0.05 * size

@@ -18,8 +18,7 @@ def command(
 ) -> None:  # fmt: skip
     """Find the forces with which drives move MODEL as a scene prescribes, and print the largest."""
     require_apart({"the model": model}, tables={"--out": out})
-    read_units(display)
-    checked = read_model(model, tunable=tunable)
+    checked, _ = read_model(model, tunable=tunable), read_units(display)
     with options.progress_bar(f"compiling {model.name}"):
         found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end

@@ -57,9 +57,8 @@ def _about(model: LinearModel, about: str) -> Iterator[tuple[str, str]]:
     yield "poles", f"{len(model.poles)}, {'stable' if model.is_stable else 'not all decay'}"
     if isinstance(model, SampledStateSpace):
         yield "controllers", f"sampled; common period {model.period:g} s, poles and zeros of the discrete model over it"
-        for name, (before, after) in model.unsteady.items():
+        for name, (before, after) in [*model.unsteady.items()][:1]:
             yield "unsteady", f"'{name}' is {before:.4g} and becomes {after:.4g} at the next sample: if laws are nonlinear, take --at"
-            break
 
 
 def _zeros(model: LinearModel, output: str, name: str) -> str:

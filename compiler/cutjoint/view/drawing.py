@@ -62,13 +62,13 @@ class BodyParts:
     def _body(self, body: Body, held: Sequence[Array], colour: Colour) -> Iterator[Part]:
         solid = load_meshes(body, self.numbers) or [mesh for shape in body.shapes if not shape.hole for mesh in self._shape(shape)]
         solid = solid or ([] if len(held) < _MANY else meshes.hull(np.array(held), 2 * self.sizes.bar))
-        bars = [] if solid else list(self._bars(point_of(self.numbers, body.centre_of_mass), held, is_massless=body.is_massless))
+        bars = [] if solid else list(self._bars(body, held))
         colours = [visual.colour for visual in body.visuals if visual.colour]
         yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(colours[0]) if colours else colour)
 
-    def _bars(self, centre: Array, held: Sequence[Array], *, is_massless: bool) -> Iterator[Mesh]:
+    def _bars(self, body: Body, held: Sequence[Array]) -> Iterator[Mesh]:
         """Bars from the centre of mass to all points; one bar between two points if it contains the centre or there is none."""
-        r = self.sizes.bar
+        r, centre, is_massless = self.sizes.bar, point_of(self.numbers, body.centre_of_mass), body.is_massless
         if len(held) == 2 and (is_massless or _distance(centre, *held) < _WITHIN * r):
             yield meshes.between(held[0], held[1], r)
             if not is_massless:
@@ -79,7 +79,10 @@ class BodyParts:
         for point in held:
             if np.linalg.norm(point - centre) > r:
                 yield meshes.between(centre, point, r)
-        yield meshes.sphere(1.6 * r if len(held) > 1 else 3 * r).moved(np.eye(3), centre)
+        if len(held) == 1 and not is_massless and np.linalg.norm(held[0] - centre) <= r:  # a joint turns it there
+            turning = [j for j in self.model.joints if j.follower == body.name and j.kind in _TURNING and j.axes]
+            yield from (meshes.disc(7 * r, 2 * r).moved(rotation_to(point_of(self.numbers, j.axes[-1])), centre) for j in turning)
+        yield meshes.sphere(1.6 * r if len(held) > 1 or is_massless else 3 * r).moved(np.eye(3), centre)
 
     def _shape(self, shape: Shape) -> Iterator[Mesh]:
         places = [point_of(self.numbers, point) for point in shape.points]
@@ -91,7 +94,7 @@ class BodyParts:
                 x, y = axes[:2]  # mirrored axes are left-handed; a box is symmetric about the third
                 yield meshes.box(a, b, c).moved(np.stack([x, y, np.cross(x, y)], axis=1), places[0])
             case ShapeKind.CYLINDER:
-                yield meshes.cylinder(sizes[0], sizes[1], 40).moved(rotation_to(axes[0]), places[0])
+                yield meshes.disc(sizes[0], sizes[1]).moved(rotation_to(axes[0]), places[0])
             case ShapeKind.SPHERE:
                 yield meshes.sphere(sizes[0]).moved(np.eye(3), places[0])
             case ShapeKind.ROD:

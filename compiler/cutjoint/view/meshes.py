@@ -42,6 +42,11 @@ def cylinder(radius: float, length: float, around: int = _AROUND) -> Mesh:
     return revolved([(0.0, -h), (radius, -h), (radius, h), (0.0, h)], around)
 
 
+def disc(r: float, length: float) -> Mesh:
+    """A solid cylinder with a radial bar on its ends, which shows its rotation."""
+    return joined([cylinder(r, length, 40), box(r, 0.1 * r, length + 0.06 * r).moved(np.eye(3), np.array([r / 2, 0.0, 0.0]))])
+
+
 @cache
 def sphere(radius: float) -> Mesh:
     """A sphere."""

@@ -273,9 +273,9 @@ function showDials(speed) {
   const loads = drive.wheels.map(({ of }) => value(of.Fz));
   run.usual ??= loads.reduce((sum, load) => sum + load, 0) / loads.length;
   drive.wheels.forEach(({ of }, i) => {
-    const [circle, line, dot, text] = run.wheels[i], most = loads[i] * (of.road_friction === undefined ? 1 : value(of.road_friction)), scale = 17 / run.usual;
-    const [x, y] = [-value(of.Fy), -value(of.Fx)].map((force) => Math.min(Math.max(scale * force, -30), 30));
-    circle.setAttribute('r', Math.min(Math.max(scale * most, 0), 27));
+    const [circle, line, dot, text] = run.wheels[i], most = loads[i] * (of.road_friction === undefined ? 1 : value(of.road_friction)), [size, scale] = [run.gauge, run.gauge / run.usual];
+    const [x, y] = [-value(of.Fy), -value(of.Fx)].map((force) => Math.min(Math.max(scale * force, -1.75 * size), 1.75 * size));
+    circle.setAttribute('r', Math.min(Math.max(scale * most, 0), 1.6 * size));
     for (const [element, names] of [[line, ['x2', 'y2']], [dot, ['cx', 'cy']]]) names.forEach((name, k) => element.setAttribute(name, [x, y][k]));
     circle.parentNode.classList.toggle('slides', Math.hypot(value(of.Fx), value(of.Fy)) > 0.95 * most && most > 0);
     text.textContent = (loads[i] / 1000).toFixed(1);
@@ -284,12 +284,12 @@ function showDials(speed) {
 
 /** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
-  const extent = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
-  function middle(axis) { const all = drive.wheels.map(({ at }) => at[axis]); return (Math.min(...all) + Math.max(...all)) / 2; }
+  const [xs, ys] = [0, 1].map((axis) => drive.wheels.map(({ at }) => at[axis]).sort((a, b) => a - b)), middle = (ys[0] + ys.at(-1)) / 2;
+  const axles = xs.filter((x, i) => i === 0 || x - xs[i - 1] > 0.5), across = Math.max(ys.at(-1) - middle, 1e-9), last = axles.length - 1; run.gauge = Math.min(17, 28 / Math.max(last, 1));
   run.wheels = drive.wheels.map(({ at, name }) => {
-    const group = shape(by('wheels'), 'g', { transform: `translate(${88 - 34 * (at[1] - middle(1)) / extent[1]} ${58 - 30 * (at[0] - middle(0)) / extent[0]})` });
+    const group = shape(by('wheels'), 'g', { transform: `translate(${88 - 34 * (at[1] - middle) / across} ${58 + 30 * (last ? 1 - 2 * axles.findLastIndex((x) => x <= at[0]) / last : 0)})` });
     shape(group, 'title', {}, `${name}: load in kN, the circle of its friction, its force`);
-    return ['circle', 'line', 'circle', 'text'].map((kind, i) => shape(group, kind, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle(1) ? -30 : 30, y: 4, 'text-anchor': at[1] > middle(1) ? 'end' : 'start' }][i]));
+    return ['circle', 'line', 'circle', 'text'].map((kind, i) => shape(group, kind, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle ? -30 : 30, y: 4, 'text-anchor': at[1] > middle ? 'end' : 'start' }][i]));
   });
 }
 
