@@ -229,10 +229,11 @@ def test_what_changes_depends_on_what_was_changed(name: str) -> None:
 
 
 def test_speeds_of_a_loop_depend_on_its_places() -> None:
-    """A slider's speed is that of the crank by a ratio that the crank's angle decides; nothing is compiled."""
-    variables = fmu_of("press", 3, kind="both").interface.variables
+    """A speed that is read as it is depends on all states: another one is independent elsewhere.  Nothing is compiled."""
+    model = read_model_text(text_of("press").replace("outputs: [pin.angle,", "outputs: [elbow.angle_rate, pin.angle,"), "press.yaml")
+    variables = make_fmu(model, find_scene(model, None), version=3, kind="both").interface.variables
     places, speeds = ({i for i, v in enumerate(variables) if v.name == f"state[{k}]"} for k in (1, 2))
-    (following,) = (set(v.following) for v in variables if v.name == "slider.vx")
+    (following,) = (set(v.following) for v in variables if v.name == "elbow.angle_rate")
     assert following == places | speeds
 
 

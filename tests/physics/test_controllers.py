@@ -349,6 +349,20 @@ def test_a_host_that_takes_steps_of_other_lengths_meets_all_samples() -> None:
 
 
 @needs_cpp
+def test_a_state_that_is_set_between_samples_has_the_next_one_next() -> None:
+    """The same state again changes nothing: no sample of an earlier time is taken once more."""
+    model = servo()
+    simulation = load_scene(model, model.scenes["run"])
+    simulation.reset()
+    simulation.advance(0.05)
+    other = simulation.copy()
+    other.set_state(simulation.time, simulation.coordinates.array, simulation.speeds.array)
+    for each in (simulation, other):
+        each.advance(0.2)
+    assert np.abs(simulation.outputs.array - other.outputs.array).max() < 1e-11
+
+
+@needs_cpp
 @pytest.mark.heavy
 def test_batches_and_studies_have_the_runs_of_the_command_line(tmp_path: Path) -> None:
     model = pole_model()

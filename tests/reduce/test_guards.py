@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import generate
@@ -16,7 +17,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.guards import guard_forces, guardable, speculate
+from cutjoint.reduce.guards import guard_forces, guardable, speculate, zero_region
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
@@ -91,6 +92,15 @@ def run(method: str, scene: str, out: tuple[str, ...] = OUT, **how: Any) -> Traj
 def test_which_forces_can_be_guarded() -> None:
     assert guardable(hammer(), hammer().scenes["swing"]) == OUT
     assert guardable(hammer(), replace(hammer().scenes["swing"], switches={"pad": True, "rope": False})) == ("floor", "wall", "pad")
+
+
+def test_a_force_that_acts_on_the_border_of_its_case_stays() -> None:
+    """A guard trips beyond the border, on which a force that begins with a jump acts already."""
+    x = sympy.Symbol("x", real=True)
+    assert zero_region(sympy.Piecewise((1, x >= 5), (0, True))) is None
+    assert zero_region(sympy.Piecewise((0, x < 5), (1, True))) is None
+    for law in (sympy.Piecewise((1, x > 5), (0, True)), sympy.Piecewise((x - 5, x >= 5), (0, True))):
+        assert zero_region(law) == (5 - x,)
 
 
 def test_an_outcome_says_what_was_done_and_why_not_more() -> None:
