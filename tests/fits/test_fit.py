@@ -370,7 +370,7 @@ def test_inputs_are_of_the_time_of_the_run(tmp_path: Path, times: list[float], v
     else:
         (read,) = read_fit(tmp_path / "study.json").experiments
         assert read.signals[0].times.tolist() == [0, 0.5, 1]
-        assert read.inputs["push"]["t"].tolist() == [0.8]
+        assert list(np.asarray(read.inputs["push"]["t"])) == [0.8]
 
 
 def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def _loop(repetitions: int) -> None:
     sizes = np.abs(start)
 
     def difference(z: Array) -> Array:
-        return ((run(z * sizes) - data) / noise).T.reshape(-1)
+        return np.ravel(((run(z * sizes) - data) / noise).T)
 
     other, beside = _timed(repetitions, lambda: None, lambda: least_squares(
         difference, np.ones(len(names)), jac="2-point", xtol=1e-10, ftol=1e-8, gtol=1e-14))  # fmt: skip
