@@ -146,6 +146,15 @@ def test_planted_errors_are_found() -> None:
         assert certificate.check(entry | change), change
 
 
+def test_second_derivatives_have_both_terms_of_the_product_rule() -> None:
+    """Of (E e)'' = E'' e + 2 E' e' + E e'' in one coordinate: 0.01 + 0.5 * 0.1 + 2 * 0.3 * 0.2 + 0.1 a <= a from a = 0.2 on."""
+    arb = certificate.arb
+    found = {name: [[arb(x)]] for name, x in (("M", 0.1), ("E", 0.3), ("E2", 0.5))}
+    found |= {"R": [arb(1)], "c": [[arb(0.01)]] * 3}
+    assert certificate.holds(found, [[0.1], [0.2], [0.2001]])
+    assert not certificate.holds(found, [[0.1], [0.2], [0.1999]])
+
+
 def test_the_checker_needs_no_more_than_flint(tmp_path: Path) -> None:
     """The command writes a certificate; the module, copied, checks it in an interpreter that cannot import the package."""
     out, copy = tmp_path / "press.json", tmp_path / "checker.py"
