@@ -19,8 +19,8 @@ import numpy as np
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import CutjointError
+from cutjoint.run.run_file import find_trim
 from cutjoint.run.simulation import simulate
-from cutjoint.tasks.states import find_scene_equilibrium
 from cutjoint_bench.studies.provenance import provenance
 
 #: A run stays where no body moves further, m; each part is about a metre large.
@@ -157,11 +157,11 @@ def try_machine(seed: int) -> Outcome:
     outcome = Outcome(seed=seed, contacts=machine.contacts, parts=parts, kind="not found")
     model, begun = read_model_text(machine.text(), f"machine_{seed}.yaml"), process_time()
     try:
-        find_scene_equilibrium(model, model.scenes["rest"])
+        model, start, _ = find_trim(model, model.scenes["rest"], {})
     except CutjointError as error:
         return replace(outcome, said=str(error), found_seconds=process_time() - begun)
     found, begun = process_time() - begun, process_time()
-    run = simulate(compile_interpreted(model, model.scenes["rest"]), error=False, tolerance=1e-9)
+    run = simulate(compile_interpreted(model, start), error=False, tolerance=1e-9)
     outcome = replace(outcome, found_seconds=found, run_seconds=process_time() - begun)
     if run.failure is not None:
         return replace(outcome, kind="fails", said=str(run.failure))
