@@ -173,11 +173,11 @@ def test_derivatives_by_elimination_are_those_of_adjoints() -> None:
 
 @pytest.mark.parametrize(("model", "scene", "loops"), [
     ("pendulum", None, Loops.EXACT), ("press", None, Loops.EMBEDDED), ("iltis", "simul1", Loops.EMBEDDED),
-    ("press", None, Loops.EXACT), ("iltis", "simul1", Loops.EXACT),
+    ("press", None, Loops.EXACT), ("iltis", "simul1", Loops.EXACT), ("six_bar", None, Loops.EXACT),
 ])  # fmt: skip
 def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> None:
     """Nothing is left of it at the accelerations of the recursion and corrected multipliers, of loops what their penalties let give way,
-    and it changes along all that it follows from as differences say."""
+    and it changes along all that it follows from as differences say, of a guide by its law along the time too."""
     read, chosen = load_model(MODELS / f"{model}.yaml", scene, ["*.mass"])
     generated = generate(read, with_loops(chosen, loops), chosen.outputs)
     closure = find_closure(chosen.numerics, METHODS["recursive"]).name
@@ -217,6 +217,9 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     draw = np.random.default_rng(2)
     ways = {symbol: 1e-4 * draw.normal(size=len(numbers)) for symbol, numbers in inputs.items() if symbol in ("parameters", *balance.slots)}
     ways["parameters"] = ways["parameters"] * inputs["parameters"]
+    moves = any(f.name == "residual_by_time" for f in derived.equations.functions)
+    assert moves == (model == "six_bar")
+    ways |= {"t": np.array([1e-4])} if moves else {}
 
     def of(function: str, way: float = 0.0) -> dict[tuple[str, int], float]:
         moved = {**inputs, "parameters": inputs["parameters"] + way * ways["parameters"]}
@@ -235,6 +238,8 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     along = np.zeros(len(still))
     for i, (row, column) in zip(derived.places, entries, strict=True):
         along[row] += found["entry", i] * numbers[column]
+    for (_, row), derivative in of("residual_by_time").items() if moves else ():
+        along[row] += derivative * ways["t"][0]
     differences = _fourth_order([dict(enumerate(left(way, ways))) for way in (-2, -1, 1, 2)])
     wanted = np.array([differences[i] for i in range(len(still))])
     assert along[places] == pytest.approx(wanted, abs=1e-8 * np.abs(wanted).max())

@@ -53,6 +53,7 @@ _ABOUT = {
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
     "residual_jacobian": "The derivatives of the residual of forces and loops, row by row; those that are always zero are not written.",
+    "residual_by_time": "Derivatives of the same residual with respect to the time that it depends on explicitly.",
     "loaded_values": "Values that depend on parameters alone, by which the residual has derivatives.",
 }
 
@@ -81,7 +82,7 @@ class SimulationCode:
 
     With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and event indicators if
     the mechanism itself is stepped. With ``derives_steps`` it has forward sensitivities of steps where these are differentiable, with
-    ``transposed`` functions adjoint ones too; derivatives of the ``force_residual`` take fewer operations. With a program without lanes of
+    ``transposed`` functions adjoint ones too; derivatives of accelerations are those of the ``force_residual``. With a program without lanes of
     its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
     """
 

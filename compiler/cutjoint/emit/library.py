@@ -34,7 +34,7 @@ _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_i
 
 _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
-    functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
+    functions=_STAGES | {"constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
 
 _OF_SYSTEM_DERIVATIVES = replace(_OF_DERIVATIVES, unity="system_dual", functions=_STAGES | {"report", "sample"})

@@ -193,7 +193,8 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
 
     ``residual_jacobian`` has those of the n force residuals, then of the m second rates of loops, row by row. Columns are those of q, v,
     inputs and discrete states, ``loaded``, vdot and lambda; entries that are always zero are left out. ``loaded_values`` has the values of
-    parameters' time in ``loaded``. Raises ValueError: an operation has no derivative.
+    parameters' time in ``loaded``; ``residual_by_time`` has the derivatives by explicit time.
+    Raises ValueError: an operation has no derivative.
     """
     work = replace(program, graph=program.graph.copy())
     graph, function = work.graph, program.function(FORCE_RESIDUAL)
@@ -207,12 +208,14 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     columns = {n: [firsts[slot.array] + slot.offset + index] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))}
     columns |= {n: [firsts["loaded"] + place for place in places] for n, places in loaded.items()}
     rows: list[dict[int, int]] = [{} for _ in range(forces + loops)]
-    found = derivatives(graph, [r.scalar for r in function.results], columns)
-    for result, by in zip(function.results, found, strict=True):
+    scalars, by_time = [r.scalar for r in function.results], list[Result]()
+    times = [n for n in graph.reachable(scalars) if _symbol(graph, n)[0] == "t"]
+    for result, by, later in zip(function.results, *(derivatives(graph, scalars, x) for x in (columns, times)), strict=True):
         slot = equations.slots[result.target]
-        row = rows[slot.offset + result.index + (forces if slot.array == "curvature" else 0)]
+        place = slot.offset + result.index + (forces if slot.array == "curvature" else 0)
+        by_time += [Result(target="by_time", index=place, scalar=derivative) for derivative in later.values()]
         for n, derivative in by.items():
-            row |= {column: graph.lane(derivative, k) for k, column in enumerate(columns[n])}
+            rows[place] |= {column: graph.lane(derivative, k) for k, column in enumerate(columns[n])}
     entries = [[column for column in sorted(row) if graph.value(row[column]) != 0.0] for row in rows]
     places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
     sides = _aligned_parts(equations, firsts, entries)
@@ -224,15 +227,16 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     results += [Result(target="entry", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
     values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
-    lowered = [(f.name, program.function(f.name).results) for f in kept]
-    made = (
-        *kept, Function(name="residual_jacobian", arguments=(*equations.function(FORCE_RESIDUAL).arguments[:4], "Real* entry"), results={}),
-        Function(name="loaded_values", arguments=("Real* loaded",), results={}),
-    )  # fmt: skip
-    slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("entry", len(places)), ("loaded", length))}
+    at = equations.function(FORCE_RESIDUAL).arguments[:4]
+    added = {"residual_jacobian": (results, (*at, "Real* entry")), "loaded_values": (values, ("Real* loaded",))}
+    added |= {"residual_by_time": (by_time, (*at, "Real* by_time"))} if by_time else {}
+    made = (*kept, *(Function(name=name, arguments=arguments, results={}) for name, (_, arguments) in added.items()))
+    lowered = [*((f.name, program.function(f.name).results) for f in kept), *((name, found) for name, (found, _) in added.items())]
+    sizes = {"entry": len(places), "loaded": length, "by_time": forces + loops}
+    slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in sizes.items()}
     return Linearised(
         equations=replace(equations, functions=made, slots={**equations.slots, **slots}), loaded=length, columns=entries,
-        program=with_functions(work, [*lowered, ("residual_jacobian", results), ("loaded_values", values)]),
+        program=with_functions(work, lowered),
         unknowns=firsts["vdot"], places=[order[place] for place in places], sides=sides,
     )  # fmt: skip
 

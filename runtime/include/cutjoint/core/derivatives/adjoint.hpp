@@ -206,13 +206,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   void load_transposed() {
     Simulation& simulation = *simulation_;
-    if constexpr (exogenous > 0) transposed_.drive_by({&fill, this});
+    if constexpr (exogenous > 0) transposed_.drive_by(this->plain_inputs());
     load_mechanism(transposed_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), simulation.penalties());
-  }
-
-  static void fill(void* self, double, double* input) {
-    const Adjoint& x = *static_cast<const Adjoint*>(self);
-    std::copy(x.u_.begin(), x.u_.end(), input);
   }
 
   /// Return to a time, with the values of controllers there.

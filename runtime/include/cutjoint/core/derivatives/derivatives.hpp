@@ -13,7 +13,7 @@ namespace cutjoint {
 ///
 /// x = (z, z', first-order states) with minimal coordinates z.  Along a seed of x and of inputs u the dependent coordinates keep the loops closed,
 /// J_d dz_d = -(J dz + dPhi/du du), and their rates keep the residual's rate zero.  Derivatives of accelerations and multipliers are those of the
-/// `ForceResidual` if there is one, else those of the fixed point of the augmented update.  Values that controllers hold are constant.
+/// `ForceResidual`.  Values that controllers hold are constant.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
 class Derivatives {
  public:
@@ -30,7 +30,7 @@ class Derivatives {
     if (dp) load_parameters(simulation);
     for (std::size_t i = 0; dx && i < states; ++i) dx_[i].derivative[0] = dx[i];
     for (std::size_t i = 0; du && i < du_.size(); ++i) du_[i].derivative[0] = du[i];
-    if (const Fault fault = derive(simulation.mechanism(), minimal, 1)) return fault;
+    if (const Fault fault = derive(minimal)) return fault;
     for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].derivative[0];
     for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].derivative[0];
     return {};
@@ -78,7 +78,7 @@ class Derivatives {
       for (Dual& x : parameters_) x.derivative = Tangents{};
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) number_at(j).derivative[k] = 1.0;
       if (from < after && from + number > states + inputs) load_parameters(simulation);
-      if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
+      if (const Fault fault = derive(minimal)) return fault;
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
         const Columns& to = matrices[j < middle ? 0 : 1];
         const std::size_t column = j - (j < middle ? first : middle);
@@ -123,7 +123,7 @@ class Derivatives {
     if constexpr (exogenous > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
-      if constexpr (ForceResidual::is_there) force_residual_.drive_by({&fill_plain, this});
+      if constexpr (ForceResidual::is_there) force_residual_.drive_by(plain_inputs());
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
   }
@@ -173,14 +173,14 @@ class Derivatives {
     for (std::size_t i = 0; i < M::sizes.discrete; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.ddiscrete_[i]};
   }
 
-  static void fill_plain(void* self, double, double* input) {
-    const Derivatives& x = *static_cast<const Derivatives*>(self);
-    std::copy(x.u_.begin(), x.u_.end(), input);
+  /// The source of inputs as they were taken.
+  InputSource<double> plain_inputs() {
+    return {[](void* self, double, double* input) { std::ranges::copy(static_cast<const Derivatives*>(self)->u_, input); }, this};
   }
 
-  /// Derivatives along the first `number` seeds.
-  Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
-    if (!derive_motion(mechanism, minimal, number)) return not_finite();
+  /// Derivatives along the seeds.
+  Fault derive(Minimal& minimal) {
+    if (!derive_motion(minimal)) return not_finite();
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
     gather_derivatives(rate_, minimal, dxdot_.data());
     gather_derivatives(second_, minimal, dxdot_.data() + dofs);
@@ -202,11 +202,28 @@ class Derivatives {
   }
 
   /// Derivatives of coordinates, velocities and accelerations; false if one is not finite.
-  bool derive_motion(M& mechanism, Minimal& minimal, std::size_t number) {
-    mechanism_.begin_step(state_->t, 1.0);
+  bool derive_motion(Minimal& minimal) {
+    set_dual_time(state_->t);
     find_coordinates(minimal);
     find_speeds(minimal);
-    return find_accelerations(mechanism, number);
+    return find_accelerations();
+  }
+
+  /// Set the time of both mechanisms, and of that over dual numbers.
+  void set_time(M& mechanism, const Dual& t) {
+    mechanism.begin_step(t.value, 1.0);
+    take_inputs(mechanism);
+    set_dual_time(t);
+  }
+  void set_dual_time(const Dual& t) {
+    dt_ = t.derivative;
+    mechanism_.begin_step(t, 1.0);
+  }
+
+  /// Inputs and values that controllers hold, with their derivatives at that time.
+  std::span<const Dual> dual_inputs() const {
+    if constexpr (exogenous > 0) return {mechanism_.last_inputs(), exogenous};
+    return {};
   }
 
   /// Coordinates with derivatives that keep the loops closed.
@@ -236,103 +253,47 @@ class Derivatives {
     }
   }
 
-  /// Accelerations and multipliers at the fixed point of the augmented update; false if one is not finite.
+  /// Accelerations and multipliers at the fixed point of the augmented update; false if one is not finite.  The update reduces errors by a factor, and magnifies
+  /// rounding of multipliers by its inverse.  The relative error of multipliers is the last relative change of accelerations; that of accelerations is smaller by
+  /// the factor.  The iteration ends when that is below rounding, or after three updates without a smaller change.
   bool find_values(M& mechanism) {
+    constexpr double most = std::numeric_limits<double>::max();
     std::copy(state_->lambda.begin(), state_->lambda.end(), lambda_value_.begin());
     std::copy(state_->vdot.begin(), state_->vdot.end(), vdot_value_.begin());
-    factor_ = 1.0;
-    Progress progress(factor_);
-    for (int iteration = 0; iteration < (m == 0 ? 1 : 200) && !progress.is_over(); ++iteration) {
+    double factor = 1.0, share = 0.0, least = std::numeric_limits<double>::infinity();
+    for (int iteration = 0, stalled = 0; iteration < (m == 0 ? 1 : 200) && stalled < 3; ++iteration) {
       std::copy(vdot_value_.begin(), vdot_value_.end(), vdot_change_.begin());
       for (std::size_t i = 0; i < m; ++i) lambda_value_[i] += violation_[i];
       mechanism.evaluate(state_->q.data(), state_->v.data(), lambda_value_.data(), vdot_value_.data(), violation_.data());
       for (std::size_t i = 0; i < n; ++i) vdot_change_[i] -= vdot_value_[i];
-      progress.add(size_of(vdot_change_), size_of(vdot_value_));
+      const double before = share, size = size_of(vdot_value_);
+      share = size_of(vdot_change_);
+      if (share > 0.0 && size > 0.0) share /= size;  // accelerations may be zero
+      if (before > 0.0 && share < before) factor = factor < 1.0 ? std::max(factor, share / before) : share / before;
+      if (share == 0.0 || share * factor <= std::numeric_limits<double>::epsilon() || !(share <= most)) break;
+      stalled = share < least ? 0 : stalled + 1;
+      least = std::min(least, share);
     }
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = vdot_value_[i];
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = lambda_value_[i], lambda_update_[i] = violation_[i];
-    return progress.is_finite();
+    return share <= most;
   }
 
-  /// Their derivatives; false if one is not finite.  The update is affine in multipliers: after one evaluation over dual numbers their effect
-  /// follows from evaluations over plain numbers.
-  bool find_accelerations(M& mechanism, std::size_t number) {
-    if constexpr (ForceResidual::is_there)
-      if (!is_time_moving_ && solve_force_residual()) return true;
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = lambda_value_[i];
-    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-    for (std::size_t k = 0; k < number; ++k) {
-      Progress progress(factor_);
-      for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
-        double largest = 0.0, step = 0.0;
-        for (std::size_t i = 0; i < m; ++i) {
-          largest = std::max(largest, std::abs(lambda_value_[i]));
-          step = std::max(step, std::abs(correction_[i].derivative[k]));
-        }
-        if (step > 0.0) correct_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
-        double size = 0.0;
-        for (const Dual& x : vdot_) size = std::max(size, std::abs(x.derivative[k]));
-        progress.add(step > 0.0 ? size_of(vdot_change_) : 0.0, size);
-      }
-      for (const Dual& x : vdot_)
-        if (!(x.derivative[k] - x.derivative[k] == 0.0)) return false;
-      if (!progress.is_finite()) return false;
-    }
+  /// Their derivatives by the force residual; false if one is not finite or the mass matrix is singular.
+  bool find_accelerations() {
+    if constexpr (ForceResidual::is_there) return solve_force_residual() || force_residual_.without_infinite([this] { return solve_force_residual(); });
     return true;
   }
 
-  /// The same by the force residual; false if a derivative is not finite or the mass matrix is singular.
   bool solve_force_residual() {
     typename ForceResidual::Changes change;
     for (std::size_t i = 0; i < m; ++i) lambda_scratch_[i] = lambda_value_[i] + lambda_update_[i];
     force_residual_.find(state_->t, state_->q, state_->v, vdot_value_, lambda_scratch_, u_);
-    if (!force_residual_.solve(q_, v_, du_, ddiscrete_, change)) return false;
+    if (!force_residual_.solve(q_, v_, dual_inputs(), change, dt_)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {vdot_value_[i], change[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {lambda_scratch_[i], change[n + i].derivative};
     return true;
   }
-
-  /// Correct the multipliers' derivatives along a seed; `scale` makes the change as large as the multipliers.
-  void correct_multipliers(M& mechanism, double scale, std::size_t k) {
-    for (std::size_t i = 0; i < m; ++i) {
-      lambda_[i].derivative[k] += correction_[i].derivative[k];
-      lambda_scratch_[i] = lambda_value_[i] + scale * correction_[i].derivative[k];
-    }
-    mechanism.evaluate(state_->q.data(), state_->v.data(), lambda_scratch_.data(), vdot_change_.data(), violation_.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      vdot_change_[i] = (vdot_change_[i] - vdot_value_[i]) / scale;
-      vdot_[i].derivative[k] += vdot_change_[i];
-    }
-    for (std::size_t i = 0; i < m; ++i) correction_[i].derivative[k] += (violation_[i] - lambda_update_[i]) / scale;
-  }
-
-  /// Progress of an iteration.  It ends when the remaining error is below rounding, or after three iterations without a smaller change.  The update
-  /// reduces errors by a factor, equal for all seeds, and magnifies rounding of multipliers by its inverse.  The relative error of multipliers is the
-  /// last relative change of accelerations; that of accelerations is smaller by the factor.
-  class Progress {
-   public:
-    explicit Progress(double& factor) : factor_(factor) {}
-
-    void add(double change, double size) {
-      const double share = change > 0.0 && size > 0.0 ? change / size : change;  // accelerations may be zero
-      if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
-      is_over_ = share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
-      stalled_ = share < least_ ? 0 : stalled_ + 1;
-      least_ = std::min(least_, share);
-      before_ = share;
-    }
-
-    bool is_over() const { return is_over_ || stalled_ == 3; }
-    bool is_finite() const { return before_ <= most; }
-
-   private:
-    static constexpr double most = std::numeric_limits<double>::max();
-
-    double& factor_;
-    bool is_over_ = false;
-    int stalled_ = 0;
-    double before_ = 0.0, least_ = std::numeric_limits<double>::infinity();
-  };
 
   /// The largest absolute value; NaN if one is NaN.
   static double size_of(const Fixed<double, n>& numbers) {
@@ -366,7 +327,7 @@ class Derivatives {
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present state, with its accelerations and multipliers
   D mechanism_;
   [[no_unique_address]] ForceResidual force_residual_;
-  bool is_time_moving_ = false;  ///< the time depends on the seeds; the force residual has no derivative with respect to it
+  Tangents dt_{};  ///< derivatives of the time
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;
@@ -381,11 +342,10 @@ class Derivatives {
   Fixed<Dual, M::sizes.discrete> ddiscrete_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
-  Fixed<Dual, m> phi_, phid_, lambda_, correction_;
+  Fixed<Dual, m> phi_, phid_, lambda_;
   Fixed<Dual, columns> columns_;
   Fixed<double, n> values_, place_, vdot_value_, vdot_change_;
   Fixed<Dual, n> scratch_, step_;
-  double factor_ = 1.0;  ///< by which an update reduces errors
   Fixed<double, m> violation_, lambda_update_, lambda_value_, lambda_scratch_;
 };
 

@@ -8,7 +8,7 @@
 
 namespace cutjoint {
 
-/// No force residual: accelerations are found over dual numbers.
+/// No force residual of a mechanism without speeds.
 struct NoResidual {
   static constexpr bool is_there = false;
   bool leave_out_infinite() { return false; }
@@ -29,7 +29,7 @@ class ResidualJacobian {
   using Places = T;
   using Changes = std::array<DualPart, n + m>;
   using Numbers = Fixed<double, n + m>;
-  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_discrete = first_input + inputs,
+  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n,
                                first_loaded = first_input + exogenous, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static std::span<const Chart> charts() { return M::charts; }
@@ -59,11 +59,7 @@ class ResidualJacobian {
   void load_changes([[maybe_unused]] const Dual* parameters, [[maybe_unused]] const Roads* roads, [[maybe_unused]] const StabilisationSettings& stabilisation,
                     [[maybe_unused]] const Penalties& penalties) {
     if constexpr (loaded > 0) {
-      const auto changes = [](const Dual& x) {
-        double size = 0.0;
-        for (std::size_t k = 0; k < seeds_at_once; ++k) size += std::abs(x.derivative[k]);
-        return size > 0.0;
-      };
+      const auto changes = [](const Dual& x) { return !x.derivative.is_zero(); };
       const bool were_changing = std::exchange(are_changing_, std::any_of(parameters, parameters + M::sizes.parameters, changes));
       if (!are_changing_ && !were_changing) return;
       Fixed<Dual, loaded> values;
@@ -110,16 +106,38 @@ class ResidualJacobian {
     return !std::exchange(leaves_out_, true);
   }
 
+  /// Try something with infinite derivatives left out, as above, and take them in again.
+  bool without_infinite(auto attempt) {
+    const bool left_out = leaves_out_;
+    const auto columns = is_left_out_;
+    leave_out_infinite();
+    const bool is_found = attempt();
+    for (At& x : at_) x.is_found = false;
+    leaves_out_ = left_out, is_left_out_ = columns;
+    return is_found;
+  }
+
   /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row; `at` has the places of rows.
-  void subtract_jvp(const JacobianEntries& derivative, const auto& q, const auto& v, const auto& du, const auto& discrete, DualPart* rows, const std::uint32_t* at = in_order.data()) {
+  void subtract_jvp(const JacobianEntries& derivative, const auto& q, const auto& v, std::span<const Dual> inputs, DualPart* rows, const std::uint32_t* at = in_order.data()) {
     const auto put = [this](std::size_t first, const auto& numbers) {
       for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j].derivative = numbers[j].derivative;
     };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_discrete, discrete);
+    put(0, q), put(first_speed, v), put(first_input, inputs);
     for (std::size_t i = 0; i < n + m; ++i) {
       Tangents sum{};
       for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= derivative[T::derivatives[k]] * by_[T::columns[k]].derivative;
       rows[at[i]].derivative = sum;
+    }
+  }
+
+  /// Subtract the derivatives with respect to the time at a state, along `dt`: of what depends on it explicitly.
+  void subtract_time_jvp([[maybe_unused]] const auto& x, [[maybe_unused]] const Tangents& dt, [[maybe_unused]] DualPart* rows, [[maybe_unused]] const std::uint32_t* at = in_order.data()) {
+    if constexpr (requires { &C<double>::residual_by_time; }) {
+      if (dt.is_zero()) return;
+      Numbers by_time;
+      plain_.begin_step(x.t, 1.0);
+      plain_.residual_by_time(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_time.data());
+      for (std::size_t i = 0; i < n + m; ++i) rows[at[i]].derivative -= by_time[i] * dt;
     }
   }
 
@@ -211,15 +229,14 @@ class ResidualJacobian {
   static bool is_quaternion(std::size_t column) { return columns.number[column] > 1; }
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
-  /// Derivatives of accelerations and multipliers at a state; false if one is not finite, or the mass matrix is singular.
-  bool solve(const auto& q, const auto& v, const auto& du, const auto& discrete, Changes& change) {
-    return decompose_plain(at_[now_]) && solve_end(q, v, du, discrete, change);
-  }
+  /// Derivatives of accelerations and multipliers at a state, whose time may change too; false if one is not finite, or the mass matrix is singular.
+  bool solve(const auto& q, const auto& v, std::span<const Dual> inputs, Changes& change, const Tangents& dt) { return decompose_plain(at_[now_]) && solve_end(q, v, inputs, change, dt); }
 
   /// The same at the end of a trapezoidal step, whose state depends on them; after `decompose_end`.
-  bool solve_end(const auto& q, const auto& v, const auto& du, const auto& discrete, Changes& change) {
+  bool solve_end(const auto& q, const auto& v, std::span<const Dual> inputs, Changes& change, const Tangents& dt = {}) {
     Changes found;
-    subtract_jvp(at_[now_].derivative, q, v, du, discrete, found.data(), order.data());
+    subtract_jvp(at_[now_].derivative, q, v, inputs, found.data(), order.data());
+    subtract_time_jvp(at_[now_], dt, found.data(), order.data());
     return solve(at_[now_].matrix, found, change);
   }
 
@@ -378,17 +395,12 @@ class ResidualJacobian {
   /// Whether the variables of left-out derivatives are constant.
   template <class Matrix, std::size_t size>
   bool left_out_stay(const std::array<DualPart, size>& found) const {
-    const auto stays = [](const DualPart& x) {
-      for (std::size_t k = 0; k < seeds_at_once; ++k)
-        if (x.derivative[k] != 0.0) return false;
-      return true;
-    };
     for (std::size_t c = 0; c < width; ++c)
       if (is_left_out_[c]) {
-        if (c < first_acceleration && !stays(by_[c])) return false;
+        if (c < first_acceleration && !by_[c].derivative.is_zero()) return false;
         for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (is_quaternion(c) ? 3 : 1); ++j)
           for (std::size_t i = columns.unknown[c] + j; i < size; i += n + m)
-            if (!stays(found[slots<Matrix>[i]])) return false;
+            if (!found[slots<Matrix>[i]].derivative.is_zero()) return false;
       }
     return true;
   }

@@ -66,8 +66,8 @@ class ClosedEndDerivatives {
   Part accelerations() const { return {projections_, accelerations_, 1.0}; }  ///< and of accelerations
 
   /// Its derivatives; `violations` has those of constraints for constant unknowns, `first` those of the rule, if it is none itself.
-  bool solve(const Part& part, ForceResidual& force_residual, const auto& q, const auto& v, const auto* violations, const auto& du, const auto& discrete, const Changes* first, Changes& change) const {
-    force_residual.subtract_jvp(part.derivative, q, v, du, discrete, change.data());
+  bool solve(const Part& part, ForceResidual& force_residual, const auto& q, const auto& v, const auto* violations, std::span<const Dual> inputs, const Changes* first, Changes& change) const {
+    force_residual.subtract_jvp(part.derivative, q, v, inputs, change.data());
     for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = part.weight * violations[i].derivative;
     if (first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= part.derivative[k] * (*first)[column].derivative; });
     return force_residual.solve(part.matrix, change);
@@ -86,12 +86,11 @@ class ClosedEndDerivatives {
   }
 
   /// Derivatives of the projection of accelerations, with velocities before and after theirs.
-  template <class Q, class V, class Inputs, class Discrete>
-  bool solve_accelerations(ForceResidual& force_residual, const Q& q, const V& v, const V& projected, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
+  bool solve_accelerations(ForceResidual& force_residual, const auto& q, const auto& v, const auto& projected, std::span<const Dual> inputs, const Changes& first, Changes& change) const {
     Changes loops;
-    force_residual.subtract_jvp(end_, q, projected, du, discrete, loops.data());
+    force_residual.subtract_jvp(end_, q, projected, inputs, loops.data());
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
-    return solve(accelerations(), force_residual, q, v, loops.data() + n, du, discrete, &first, change);
+    return solve(accelerations(), force_residual, q, v, loops.data() + n, inputs, &first, change);
   }
 
   /// The transpose: derivatives with respect to all that `subtract_jvp` reads, with velocities before and after their projection, and to the rule.
@@ -260,7 +259,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
 
  protected:
   using Base::m, Base::n;
-  using Base::charts, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::v_, Base::values_, Base::vdot_;
+  using Base::charts, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::v_, Base::values_, Base::vdot_;
   static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
   static constexpr bool is_stepped = requires { typename Simulation::Steps::Scheme; };   ///< steps end at events
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
@@ -270,12 +269,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     return false;
   }();
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
-
-  void enter_end(M& mechanism, const StateOf<M>& end) {
-    mechanism.begin_step(end.t, 1.0);
-    this->take_inputs(mechanism);
-    mechanism_.begin_step(end.t, 1.0);
-  }
 
   /// Derivatives of an implicit step whose length may depend on the seeds: `formula` gives coordinates and velocities of the stages, `solve` the derivatives of
   /// accelerations and multipliers there.  False if there are none.
@@ -314,10 +307,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
 
   /// Derivatives of the end of a step by the rule; false if one of the force residual is not finite.
   bool propagate_fixed_point(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    enter_end(mechanism, end);
+    this->set_time(mechanism, end.t);
     if (!(is_converged_ ? linearise_end(end.t, h) : converge_end(mechanism, from, end, h))) return false;  // others may have set the time of the beginning
     is_converged_ = true;
-    return propagate_implicit(formula_, stage_, {}, [this](auto& change) { return this->force_residual_.solve_end(q_, v_, du_, this->ddiscrete_, change); });
+    return propagate_implicit(formula_, stage_, {}, [this](auto& change) { return this->force_residual_.solve_end(q_, v_, this->dual_inputs(), change); });
   }
 
   /// Put the end of a step before its projection into `stage_`, and decompose the matrix there; false if that is singular.
@@ -374,12 +367,12 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
 
   /// Derivatives of its end, with projected velocities and accelerations.
   bool propagate_rule(M& mechanism, const StateOf<M>& end) {
-    enter_end(mechanism, end);
+    this->set_time(mechanism, end.t);
     typename ForceResidual::Changes first, change;
-    auto& discrete = this->ddiscrete_;
+    const auto inputs = this->dual_inputs();
     const auto solve = [&](auto& found) {
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      const bool is_found = ends_.solve(ends_.rule(), this->force_residual_, q_, v_, phi_.data(), du_, discrete, nullptr, found);
+      const bool is_found = ends_.solve(ends_.rule(), this->force_residual_, q_, v_, phi_.data(), inputs, nullptr, found);
       first = found;
       return is_found;
     };
@@ -387,9 +380,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    if (!ends_.solve(ends_.speeds(), this->force_residual_, q_, speeds_, phid_.data(), du_, discrete, &first, change)) return false;
+    if (!ends_.solve(ends_.speeds(), this->force_residual_, q_, speeds_, phid_.data(), inputs, &first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
-    if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, du_, discrete, first, change)) return false;
+    if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, inputs, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].derivative + change[i].derivative};
     return true;
   }

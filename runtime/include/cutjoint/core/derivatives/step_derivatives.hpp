@@ -233,7 +233,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     return for_seeds([&](std::size_t first, std::size_t number) -> Fault {
       if (const Fault fault = load_seeds(state, first, number)) return fault;
       store_states(first, number);
-      if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
+      if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations()) return this->not_finite();
       restart_average();
       visit_carried(first, [&](const Dual& x, double* row, Carried kind) {
         for (std::size_t k = 0; k < number && kind != Carried::state; ++k) row[k] = reuses_accelerations || kind == Carried::mean ? row[k] - x.derivative[k] : 0.0;
@@ -405,11 +405,8 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
-    mechanism_.begin_step(Dual(end.t, dt_end_), 1.0);
-    this->is_time_moving_ = true;
-    const bool is_found = this->find_accelerations(simulation_->mechanism(), number);
-    this->is_time_moving_ = false;
-    if (!is_found) return this->not_finite();
+    this->set_dual_time({end.t, dt_end_});
+    if (!this->find_accelerations()) return this->not_finite();
     Base::report(Dual(end.t, dt_end_));
     for (std::size_t i = 0; i < trajectory_->number; ++i) {
       const Dual& x = this->columns_[static_cast<std::size_t>(trajectory_->outputs[i])];
@@ -431,7 +428,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   Fault propagate_seeds(const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t first, std::size_t number) {
     for (;;) {
       if (const Fault fault = load_seeds(from, first, number)) return fault;
-      if (this->go(*simulation_, from, end, h, number)) break;
+      if (this->go(*simulation_, from, end, h)) break;
       if (this->refused_) return this->refused_;
       if (!this->force_residual_.leave_out_infinite() || !this->prepare_substep(*simulation_, from, end, h)) return not_finite_step(end);
     }
@@ -456,13 +453,12 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     seed_columns(first, number);
     dt_begin_ = Tangents{};
     for (std::size_t k = 0; k < number && begins_at_event_; ++k) dt_begin_[k] = time_row()[first + k];
-    this->is_time_moving_ = begins_at_event_;
     if (!carried_ || !is_known(state))
       if (!this->enter(mechanism, state)) return this->not_finite();
     if (!carried_) {
       if (first == 0)
         if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
-      if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
+      if (!this->derive_motion(*minimal_)) return this->not_finite();
       restart_average();
       return {};
     }
@@ -478,7 +474,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   bool load_carried(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
     this->state_ = &state;
     this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(state.t, dt_begin_), 1.0);
+    this->set_dual_time({state.t, dt_begin_});
     const auto take = [](const auto& values, auto& numbers) {
       for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].value = values[i];
     };
@@ -495,7 +491,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
       if (number < seeds_at_once) x.derivative = Tangents{};
       copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
     });
-    if (!is_carried && !this->find_accelerations(mechanism, number)) return false;
+    if (!is_carried && !this->find_accelerations()) return false;
     if (restarts_average_) restart_average();
     return true;
   }

@@ -72,10 +72,10 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Propagate derivatives from the beginning of the substep to its end; false if there are none.
-  bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     M& mechanism = simulation.mechanism();
-    if constexpr (is_explicit) return propagate_explicit(mechanism, from, end, h, number);
-    else if constexpr (has_stages) return propagate_stages(mechanism, from, end, h, number);
+    if constexpr (is_explicit) return propagate_explicit<typename Steps::Method>(mechanism, from, end, h);
+    else if constexpr (has_stages) return propagate_stages(mechanism, from, end, h);
     else {
       bool is_found = false;
       if constexpr (seeks_multipliers) is_found = this->propagate_rule(mechanism, end);
@@ -129,10 +129,10 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// From derivatives of coordinates and velocities at the fixed time of the cut to those at the moving time of the event.
-  bool shift_to_event([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] std::size_t number) {
+  bool shift_to_event([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end) {
     if constexpr (indicators > 0) {
       if (cut_.left == 0) return true;
-      const Tangents probe = find_probe_times(number);
+      const Tangents probe = find_probe_times();
       Fixed<Dual, indicators> here, beside;
       evaluate_indicators(end.t, Tangents{}, q_, v_, here);
       auto q = q_;
@@ -140,7 +140,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
       move(probe, q, v);
       evaluate_indicators(end.t, probe, q, v, beside);
       bool part = false;
-      for (std::size_t k = 0; k < number; ++k)
+      for (std::size_t k = 0; k < seeds_at_once; ++k)
         for (std::size_t j = 0; j < cut_.left; ++j) {
           const double open = here[cut_.which[j]].derivative[k], change = open == 0.0 ? 0.0 : -probe[k] * open / (beside[cut_.which[j]].derivative[k] - open);
           if (!(change - change == 0.0)) return false;
@@ -159,12 +159,12 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Times in which the state changes by as much as along each seed.
-  Tangents find_probe_times(std::size_t number) const {
+  Tangents find_probe_times() const {
     Tangents probe{};
     double rate = 0.0;
     for (const double x : qdot_at_event_) rate = std::max(rate, std::abs(x));
     for (const double x : vdot_at_event_) rate = std::max(rate, std::abs(x));
-    for (std::size_t k = 0; k < number; ++k) {
+    for (std::size_t k = 0; k < seeds_at_once; ++k) {
       double size = 0.0;
       for (const Dual& x : q_) size = std::max(size, std::abs(x.derivative[k]));
       for (const Dual& x : v_) size = std::max(size, std::abs(x.derivative[k]));
@@ -200,13 +200,8 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   // Steps
 
   /// An explicit method whose last stage is the first of the next step (FSAL).
-  bool propagate_explicit(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
-    if constexpr (!is_explicit) return false;
-    else return propagate_by_table<typename Steps::Method>(mechanism, from, end, h, number);
-  }
-
   template <class Table>
-  bool propagate_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  bool propagate_explicit(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     constexpr std::size_t last = Table::stages - 1, all = indicators > 0 ? Table::all : Table::stages;
     std::array<Fixed<Dual, M::sizes.coordinates>, all> place_derivatives;
     std::array<Fixed<Dual, n>, all> speed_derivatives;
@@ -228,8 +223,8 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
       for (std::size_t i = 0; i < q_.size(); ++i) stage_.q[i] = q_[i].value;
       for (std::size_t i = 0; i < n; ++i) stage_.v[i] = v_[i].value;
       if (!this->enter(mechanism, stage_)) return false;
-      mechanism_.begin_step(now, 1.0);
-      if (!this->find_accelerations(mechanism, number)) return false;
+      this->set_dual_time(now);
+      if (!this->find_accelerations()) return false;
       coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
       return true;
     };
@@ -257,10 +252,10 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
         interpolate<Table>(length, speeds_, speed_derivatives, v_, vdot_at_event_);
         mechanism.begin_step(stage_.t = end.t, 1.0);
         this->take_inputs(mechanism);
-        if (!shift_to_event(mechanism, end, number)) return false;
+        if (!shift_to_event(mechanism, end)) return false;
       }
     this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(stage_.t, dt_end_), 1.0);
+    this->set_dual_time({stage_.t, dt_end_});
     normalise<Dual>(charts(), q_.data());
     return true;
   }
@@ -277,48 +272,32 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// The end of a step with coupled stages.
-  bool propagate_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  bool propagate_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     from_ = q_, speeds_ = v_;
-    const bool moves = this->is_time_moving_;
+    const bool moves = !dt_begin_.is_zero();
     const auto solve = [&](auto& change) {
       for (std::size_t i = 0; i < points_.size(); ++i) {
         DualPart* const rows = change.data() + i * (n + m);
-        if (moves || this->trajectories_) mechanism.begin_step(points_[i].t, 1.0);
-        if (!moves) {
-          if (this->trajectories_) this->take_inputs(mechanism);
-          this->force_residual_.subtract_jvp(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->ddiscrete_, rows);
-          continue;
-        }
-        q_ = stages_.q(i);
-        v_ = stages_.v(i);
-        if (!this->enter(mechanism, points_[i])) return false;
-        mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * dt_begin_), 1.0);
-        if (!this->find_accelerations(mechanism, number)) return false;
-        stages_.add_jvp(i, vdot_, this->lambda_, rows);
+        if (moves || this->trajectories_) this->set_time(mechanism, {points_[i].t, (from.t + h - points_[i].t) / h * dt_begin_});
+        this->force_residual_.subtract_jvp(stages_.derivative(i), stages_.q(i), stages_.v(i), this->dual_inputs(), rows);
+        if (moves) this->force_residual_.subtract_time_jvp(points_[i], this->dt_, rows);
       }
       return this->force_residual_.solve(stages_.matrix(), change);
     };
     if (!this->propagate_implicit(stages_, points_.back(), -dt_begin_, solve)) return false;
     dt_end_ = Tangents{};
-    set_time(mechanism, points_.back().t);
+    this->set_time(mechanism, points_.back().t);
     if constexpr (indicators > 0)
       if (cut_.is_made) {
         StateOf<D> begin;
         begin.q = from_, begin.v = speeds_, begin.vdot = this->before_;
-        return project_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -dt_begin_), begin, stages_.shift(), number);
+        return project_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -dt_begin_), begin, stages_.shift());
       }
     return true;
   }
 
-  /// Set the time, with the derivative of the substep's end.
-  void set_time(M& mechanism, double t) {
-    mechanism.begin_step(t, 1.0);
-    this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(t, dt_end_), 1.0);
-  }
-
   /// From the end of a step to its cut, by the interpolant over the step with displacement `shift`.
-  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n> shift, std::size_t number) {
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n> shift) {
     StateOf<D> done;
     done.q = q_, done.v = v_, done.vdot = vdot_;
     stepping::Interpolant<D> between(charts(), begin);
@@ -340,9 +319,9 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
     between.at(share, at);
     for (std::size_t i = 0; i < q_.size(); ++i) qdot_at_event_[i] = at[i].derivative[0];
     for (std::size_t i = 0; i < n; ++i) vdot_at_event_[i] = at[q_.size() + i].derivative[0];
-    set_time(mechanism, end.t);
-    if (!shift_to_event(mechanism, end, number)) return false;
-    set_time(mechanism, end.t);
+    this->set_time(mechanism, end.t);
+    if (!shift_to_event(mechanism, end)) return false;
+    this->set_time(mechanism, {end.t, dt_end_});
     return true;
   }
 

@@ -141,12 +141,6 @@ class StageDerivatives {
       }
   }
 
-  /// The Jacobian's product with derivatives of accelerations and multipliers in a stage.
-  void add_jvp(std::size_t stage, const auto& vdot, const auto& lambda, DualPart* rows) const {
-    std::fill_n(rows, unknowns, DualPart{});
-    ForceResidual::visit_unknowns(0, unknowns, [&](std::size_t i, std::size_t k, std::size_t j) { rows[i].derivative += derivative_[stage][k] * (j < n ? vdot[j].derivative : lambda[j - n].derivative); });
-  }
-
   /// Visit each unknown of stage j that a coordinate or velocity in stage i depends on, with the partial derivative.
   template <class Residual, class Use>
   void visit_weights(std::size_t column, std::size_t i, std::size_t j, Use use) const {
