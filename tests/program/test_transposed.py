@@ -171,6 +171,19 @@ def test_derivatives_by_elimination_are_those_of_adjoints() -> None:
                 assert both[0] == pytest.approx(both[1], rel=1e-13, abs=1e-15)
 
 
+@pytest.mark.parametrize("exponent", [None, 0.75])
+def test_a_function_of_a_sum_of_squares_has_no_derivative_at_zero(exponent: float | None) -> None:
+    """There a root is infinitely steep, and its argument changes with nothing."""
+    graph = Graph()
+    x = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(2)]
+    squares = graph.add(*(graph.mul(n, n) for n in x))
+    length = graph.call("sqrt", (squares,)) if exponent is None else graph.call("pow", (squares, graph.const(exponent)))
+    found = derivatives(graph, [graph.sub(length, x[0])], x)[0]
+    for at, size in (([0.0, 0.0], 0.0), ([3.0, 4.0], 2 * (exponent or 0.5) * 25 ** ((exponent or 0.5) - 1))):
+        known = interpret_scalars(graph, list(found.values()), {"x": np.array(at)}, {})
+        assert [known[found[n]] for n in x] == pytest.approx([size * at[0] - 1, size * at[1]], rel=1e-14)
+
+
 @pytest.mark.parametrize(("model", "scene", "loops"), [
     ("pendulum", None, Loops.EXACT), ("press", None, Loops.EMBEDDED), ("iltis", "simul1", Loops.EMBEDDED),
     ("press", None, Loops.EXACT), ("iltis", "simul1", Loops.EXACT), ("six_bar", None, Loops.EXACT),

@@ -241,6 +241,36 @@ def test_states_are_gone_to() -> None:
         sim.set_states(there * np.nan)
 
 
+FILTER = """
+cutjoint: 1
+name: filtered
+gravity: [0, 0, -9.81]
+parameters: {k: {value: 2, binding: param}}
+bodies: {wheel: {mass: 1, centre_of_mass: [0.1, 0, 0], inertia: [1, 1, 1]}}
+joints: {drive: {kind: revolute, bodies: [ground, wheel], at: [0, 0, 0], axis: [0, 1, 0], guide: "sin(3*t)"}}
+states: {level: {start: 0, rate: "k*(drive.angle - level)"}}
+outputs: [level.value]
+scenes: {run: {end: 1, output_step: 0.1}}
+"""
+
+
+def test_a_state_that_follows_a_prescribed_motion() -> None:
+    """Nothing moves freely, so that the state's rate alone is a residual of forces."""
+    sim = loaded(FILTER, "filtered").reset(dt=0.1)
+    step = sim.step_derivatives()
+    assert step.by_state == pytest.approx(np.array([[(1 - 0.1) / (1 + 0.1)]]), rel=1e-12)
+    by_k = 0.05 * np.sin(0.3) / 1.1 - 0.05 * (0.1 * np.sin(0.3) / 1.1) / 1.1
+    assert step.by_parameter == pytest.approx(np.array([[by_k]]), rel=1e-11)
+    assert sim.linearise().A[0, 0] == pytest.approx(-2, rel=1e-12)
+
+
+def test_a_motion_that_is_wholly_prescribed_has_no_states() -> None:
+    text = "".join(line for line in FILTER.splitlines(keepends=True) if not line.startswith("states")).replace("level.value", "wheel.z")
+    sim = loaded(text, "prescribed").reset(dt=0.1)
+    assert sim.step_derivatives().by_state.shape == (0, 0)
+    assert sim.linearise().A.shape == (0, 0)
+
+
 def test_a_model_without_derivatives_is_reported() -> None:
     with pytest.raises(TypeError, match="load the model with linearise=True"):
         cutjoint.load(MODELS / "press.yaml").reset().step_derivatives()

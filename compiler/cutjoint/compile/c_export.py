@@ -273,7 +273,7 @@ def make_standalone(
     chosen = str(options.integrator)
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts))
-    if linearise and equations.mechanism.speed_names:
+    if linearise:
         residual = formulate_residual(parts.mechanism, find_closure(equations.scene.numerics, METHODS[parts.method]).name)
         scheduled = schedule_recursive(residual, lanes=parts.program.lanes)
         parts = replace(parts, force_residual=linearise_residual(residual, scheduled))

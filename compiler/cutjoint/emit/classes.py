@@ -82,7 +82,7 @@ class SimulationCode:
 
     With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and event indicators if
     the mechanism itself is stepped. With ``derives_steps`` it has forward sensitivities of steps where these are differentiable, with
-    ``transposed`` functions adjoint ones too; derivatives of accelerations are those of the ``force_residual``. With a program without lanes of
+    ``transposed`` functions adjoint ones too; accelerations have those of the ``force_residual``. With a program without lanes of
     its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
     """
 

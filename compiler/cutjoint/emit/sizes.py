@@ -106,7 +106,7 @@ def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
 def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:
     """Numbers of a matrix over accelerations and multipliers, so many of each."""
     parts = force_residual.sides.parts
-    *inner, border = (copies * parts.count(p) for p in range(max(parts) + 1))
+    *inner, border = (copies * parts.count(p) for p in range(max(parts, default=0) + 1))
     rows = [border, *(size + border for size in inner)]
     return copies * len(parts) + sum(rows) * (max(rows) + 8) + sum(size * size for size in rows)
 

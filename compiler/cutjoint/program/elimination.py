@@ -391,4 +391,16 @@ def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple
             yield node.args[0], (_ALL, None), one
             return
     for a, share in zip(node.args, _products(graph, scalars, n, one), strict=True):
+        if node.op in ("sqrt", "pow") and _is_sum_of_squares(graph, node.args[0]):
+            moves = graph.call("lt", (graph.const(0.0), node.args[0]))
+            root = graph.call("where", (moves, n, one))
+            share = graph.div(graph.const(0.5), root) if node.op == "sqrt" else graph.call("where", (moves, share, graph.const(0.0)))
         yield a, (_ALL if graph.nodes[a].lanes else None, end), share
+
+
+def _is_sum_of_squares(graph: Graph, n: int) -> bool:
+    """Return whether a scalar is a sum of squares: where it is zero its derivatives are zero, also times an infinite one."""
+    node = graph.nodes[n]
+    if node.op == "add":
+        return all(_is_sum_of_squares(graph, a) for a in node.args)
+    return node.op == "mul" and node.args[0] == node.args[1]

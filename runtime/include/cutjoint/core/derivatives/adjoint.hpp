@@ -18,7 +18,7 @@ struct NoFits {
 ///
 /// The run is recorded by substeps. Backwards, derivatives with respect to everything at the end of a substep become those at its beginning.
 /// An implicit step takes one solution of the transposed equations, with the matrix of its forward derivatives.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits, class ForceResidual>
 class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
   using Base = StepDerivatives<Simulation, D, S, dofs, ForceResidual>;

@@ -14,7 +14,7 @@ namespace cutjoint {
 /// x = (z, z', first-order states) with minimal coordinates z.  Along a seed of x and of inputs u the dependent coordinates keep the loops closed,
 /// J_d dz_d = -(J dz + dPhi/du du), and their rates keep the residual's rate zero.  Derivatives of accelerations and multipliers are those of the
 /// `ForceResidual`.  Values that controllers hold are constant.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual>
 class Derivatives {
  public:
   using M = typename Simulation::Mechanism;
@@ -104,12 +104,11 @@ class Derivatives {
 
   /// Prepare at the present state.
   Fault begin(Simulation& simulation, Minimal& minimal) {
-    Starter<M>& starter = simulation.starter();
     load(simulation, minimal);
     dx_.fill(Dual());
     du_.fill(Dual());
     if (!enter(simulation.mechanism(), simulation.complete_state())) return not_finite();
-    return minimal.decompose(starter, *state_);
+    return minimal.decompose(simulation.starter(), *state_);
   }
 
   /// Copy everything but states from a simulation; derivatives of parameters are zero.
@@ -118,12 +117,12 @@ class Derivatives {
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     ddiscrete_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
-    if constexpr (ForceResidual::is_there) force_residual_.load(simulation);
+    force_residual_.load(simulation);
     load_parameters(simulation);
     if constexpr (exogenous > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
-      if constexpr (ForceResidual::is_there) force_residual_.drive_by(plain_inputs());
+      force_residual_.drive_by(plain_inputs());
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
   }
@@ -131,7 +130,7 @@ class Derivatives {
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
-    if constexpr (ForceResidual::is_there) force_residual_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    force_residual_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
   }
 
   /// Go to a state; the mechanism is at its time. False if an acceleration is not finite.
@@ -280,10 +279,7 @@ class Derivatives {
   }
 
   /// Their derivatives by the force residual; false if one is not finite or the mass matrix is singular.
-  bool find_accelerations() {
-    if constexpr (ForceResidual::is_there) return solve_force_residual() || force_residual_.without_infinite([this] { return solve_force_residual(); });
-    return true;
-  }
+  bool find_accelerations() { return solve_force_residual() || force_residual_.without_infinite([this] { return solve_force_residual(); }); }
 
   bool solve_force_residual() {
     typename ForceResidual::Changes change;
@@ -326,7 +322,7 @@ class Derivatives {
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present state, with its accelerations and multipliers
   D mechanism_;
-  [[no_unique_address]] ForceResidual force_residual_;
+  ForceResidual force_residual_;
   Tangents dt_{};  ///< derivatives of the time
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;

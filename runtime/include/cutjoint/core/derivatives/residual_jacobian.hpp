@@ -8,12 +8,6 @@
 
 namespace cutjoint {
 
-/// No force residual of a mechanism without speeds.
-struct NoResidual {
-  static constexpr bool is_there = false;
-  bool leave_out_infinite() { return false; }
-};
-
 /// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, with the Jacobian by
 /// generated code C and its sparsity by T: starts of rows, of their derivatives with respect to accelerations and multipliers, columns, and positions in the output.  Parameters enter by `loaded` values that depend on them alone.
 ///
@@ -23,7 +17,6 @@ struct NoResidual {
 template <class M, template <class> class C, class T>
 class ResidualJacobian {
  public:
-  static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                exogenous = inputs + M::sizes.discrete, loaded = T::loaded;
   using Places = T;

@@ -251,7 +251,7 @@ class RuleFormula {
 ///
 /// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It then projects velocities and accelerations in the
 /// metric of its tangent, which may be an earlier one; here the metric is that of the masses, its limit for short steps.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual>
 class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
   using Base = Derivatives<Simulation, D, S, dofs, ForceResidual>;

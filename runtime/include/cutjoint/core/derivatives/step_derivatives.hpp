@@ -10,7 +10,7 @@ namespace cutjoint {
 /// `Derivatives` of a `Simulation` with the trapezoidal rule, an explicit method or Radau IIA; step lengths chosen by error control count as constants.
 ///
 /// The step is taken, and its substeps are differentiated as they were taken.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual>
 class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
   using Base = SubstepDerivatives<Simulation, D, S, dofs, ForceResidual>;

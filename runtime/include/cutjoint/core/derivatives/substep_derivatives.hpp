@@ -17,7 +17,7 @@ namespace cutjoint {
 ///     dt = -(g_x dx + g_p dp) / (g_x x' + g_t)        dx at the event = dx at its time + x' dt
 ///
 /// The next substep begins at that time and ends where it did: its length changes by -dt.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual>
 class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
   using Base = RuleDerivatives<Simulation, D, S, dofs, ForceResidual>;

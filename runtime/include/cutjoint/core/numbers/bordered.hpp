@@ -86,7 +86,7 @@ struct BorderedPlaces {
 
   constexpr BorderedPlaces() {
     for (std::size_t s = 1; s < sets; ++s) part[s] = part[s - 1] + T::beside[s - 1];
-    std::array<std::size_t, size> count{};
+    std::array<std::size_t, size + 1> count{};
     for (std::size_t i = 0; i < size; ++i) {
       while (set[i] + 1 < sets && part[set[i] + 1] <= T::parts[i]) ++set[i];
       place[i] = count[T::parts[i]]++;
