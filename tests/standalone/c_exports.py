@@ -102,11 +102,14 @@ def in_quads(place: Path, name: str, program: str, functions: str = "") -> Path:
 
 
 def foreign_symbols(made: Path, name: str) -> list[str]:
-    """Foreign symbols of an object file: calls besides mathematics, and definitions without the model's name."""
+    """Foreign symbols of an object file: calls besides mathematics, or of what only the file itself may define, and definitions without the
+    model's name."""
     called = [words[-1] for words in _symbols(made, "-u")]
     own = [words[-1] for words in _symbols(made, "-g", "--defined-only")]
     assert own
-    foreign = [x for x in called if x not in _CALLS and not x.startswith("_ZGV") and x != "_GLOBAL_OFFSET_TABLE_"]
+    read = subprocess.run(["readelf", "-sW", made], capture_output=True, text=True, check=True).stdout.splitlines()
+    hidden = [words[-1] for words in map(str.split, read) if {"HIDDEN", "UND"} <= set(words)]
+    foreign = hidden + [x for x in called if x not in _CALLS and not x.startswith("_ZGV") and x != "_GLOBAL_OFFSET_TABLE_"]
     return foreign + [x for x in own if not x.startswith(f"{name}_") and f"{name}_code" not in x]
 
 

@@ -14,16 +14,16 @@
 #define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
 #endif
 extern "C" {  // glibc's vector mathematics, errors of at most 4 units in the last place
-#define CUTJOINT_DECLARE(name) cutjoint_register2 _ZGVbN2v_##name(cutjoint_register2);
+#define CUTJOINT_DECLARE(name) [[gnu::visibility("default")]] cutjoint_register2 _ZGVbN2v_##name(cutjoint_register2);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #ifdef __AVX2__
-#define CUTJOINT_DECLARE(name) cutjoint_register4 _ZGVdN4v_##name(cutjoint_register4);
+#define CUTJOINT_DECLARE(name) [[gnu::visibility("default")]] cutjoint_register4 _ZGVdN4v_##name(cutjoint_register4);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #endif
 #ifdef __AVX512F__
-#define CUTJOINT_DECLARE(name) cutjoint_register8 _ZGVeN8v_##name(cutjoint_register8);
+#define CUTJOINT_DECLARE(name) [[gnu::visibility("default")]] cutjoint_register8 _ZGVeN8v_##name(cutjoint_register8);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #endif
