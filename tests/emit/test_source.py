@@ -16,6 +16,7 @@ from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import CHECKS
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.program.blocks import BindingTime
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind
@@ -103,6 +104,22 @@ def test_numbers_are_printed_by_shortest_round_trip(value: float) -> None:
     text = printer.text(graph.const(value))
     assert float(text.removeprefix("Real(").removesuffix(")")) == value
     assert text == f"Real({value!r})"
+
+
+def test_operands_of_operators_that_bind_no_tighter_are_in_parentheses() -> None:
+    """Python reads what is printed as C++ does."""
+    from cutjoint.emit.printer import Printer
+    from cutjoint.program.scalars import Graph
+
+    graph = Graph()
+    x, y, z = (graph.symbol("q", i, BindingTime.STEP) for i in range(3))
+    printer = Printer(graph=graph, names={}, known={x: "x", y: "y", z: "z"}, prefixes=[], used_names=frozenset(), roads={})
+    cases = {
+        graph.div(x, graph.mul(y, z)): 7 / (3 * 5), graph.div(x, graph.div(y, z)): 7 / (3 / 5), graph.sub(x, graph.sub(y, z)): 7 - (3 - 5),
+        graph.mul(x, graph.add(y, z)): 7 * (3 + 5), graph.div(graph.add(x, y), z): (7 + 3) / 5, graph.sub(x, graph.add(y, z)): 7 - (3 + 5),
+    }  # fmt: skip
+    for node, value in cases.items():
+        assert eval(printer.text(node), {"x": 7, "y": 3, "z": 5}) == value, printer.text(node)
 
 
 def test_a_check_of_the_run_leaves_the_other_functions_as_they_are() -> None:

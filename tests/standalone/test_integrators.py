@@ -88,6 +88,15 @@ def test_restored_moments_go_on_the_same(method: str, integrator: str, tmp_path:
         assert np.array_equal(sim.run(20), other.run(20))
 
 
+def test_coupled_stages_of_a_loop_go_on_the_same_with_kept_factors() -> None:
+    """A copy has the tangent of the moment, and the length of step for which its terms are parted."""
+    sim = cutjoint.load(PRESS, method="recursive-newton", integrator="radau5-fixed").reset(dt=2e-3)
+    for _ in range(3):
+        sim.run(13)
+        other = sim.copy()
+        assert np.array_equal(sim.run(20), other.run(20))
+
+
 @pytest.mark.parametrize(("method", "integrator"), RULES)
 def test_who_looks_on_changes_nothing(method: str, integrator: str) -> None:
     sim = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=2e-3)
