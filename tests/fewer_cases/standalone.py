@@ -73,7 +73,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_guide_by_a_law_of_a_loop", "test_coupled_stages", "test_events_that_move", "test_calls_right_and_wrong",
     ),
     "tests/standalone/test_integrators.py": (
-        "test_restored_moments_go_on_the_same[recursive-dormand-prince]",
+        "test_restored_moments_go_on_the_same",
         "test_what_an_integrator_has_not_is_refused", "test_inputs_and_parameters_count_from_the_next_step_on",
         "test_the_code_calls_mathematics_and_nothing_else", "test_a_tolerance_is_kept", "test_steps_end_at_events",
         "test_a_time_that_rounding_parts_from_the_end_of_a_step_is_reached",
@@ -127,12 +127,14 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_kink_at_the_pose_has_none",
     ),
     "tests/standalone/test_steering.py": (
+        "test_a_law_that_is_held_over_several_steps_is_followed",
         "test_a_ramp_to_where_the_loop_cannot_close_tears_it[recursive-newton-*]",
         "test_a_jump_is_made_in_two_steps_without_going_beyond[recursive-newton-*]", "test_simulations_in_lanes_follow_as_one_alone",
         "test_a_law_that_is_held_step_by_step_is_followed", "test_lanes_that_go_alone_change_no_bit_of_others",
         "test_a_jump_in_short_steps_ends_where_it_was_to_end[recursive-newton*]",
     ),
     "tests/standalone/test_step_derivatives.py": (
+        "test_loops_by_the_fixed_point_with_and_without_a_jump_of_an_input", "test_a_linear_motion[recursive-rk4-*]",
         "test_methods_have_the_same_without_loops", "test_a_controller_holds_within_a_step_that_its_sample_divides",
         "test_a_step_that_ends_at_an_event_has_none", "test_loops_by_newtons_iteration_come_nearer_with_shorter_steps",
         "test_adaptive_steps_have_the_derivatives_of_the_motion",

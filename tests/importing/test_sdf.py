@@ -40,6 +40,8 @@ def test_a_link_that_two_joints_carry_closes_a_loop(tmp_path: Path) -> None:
     # the frame stands at the rod's (0.5, -1, 0), which is (1, 0.5, 0) beyond the elbow in global axes
     assert [float(x) for x in joints["j4"].at] == pytest.approx([2, 0.5, 1])
     assert [float(x) for x in joints["j4"].axes[0]] == pytest.approx([0, 1, 0])
+    # in the model's axes, though the joint's frame is that of the rod, a quarter of a turn off
+    assert [float(x) for x in joints["j2"].axes[0]] == pytest.approx([0, 1, 0])
     assert len(build_topology(model).loops) == 1
     (spring,) = model.forces
     assert spring.joint_of == "j1"
