@@ -32,6 +32,8 @@ model, folder, out = map(Path, sys.argv[1:4])
 given = dict(word.split("=") for word in sys.argv[4:])
 (header,) = folder.glob("*.h")
 text, p, P = header.read_text(encoding="utf-8"), header.stem, header.stem.upper()
+if f"const float* {p}_outputs" in text:
+    raise SystemExit(f"{header}: has numbers of single precision, an FMU has doubles; compile without --precision single")
 digest, step = re.search(r'_DIGEST "(.*)"', text)[1], re.search(r"_STEP (.*)", text)[1]
 sim = cutjoint.load(model).reset()
 

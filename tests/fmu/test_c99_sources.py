@@ -93,6 +93,15 @@ def test_all_functions_of_fmi_are_there(built: Path) -> None:
     assert wanted <= {line.split()[-1] for line in said.splitlines()}
 
 
+def test_single_precision_is_refused(tmp_path: Path) -> None:
+    """Its outputs are floats, which the wrapper would read as doubles."""
+    (tmp_path / "pushed.h").write_text(exported("pushed rk4")[0]["pushed.h"].replace("double*", "float*"), encoding="utf-8")
+    call = [sys.executable, str(SCRIPT), "pushed.yaml", ".", "pushed.fmu"]
+    refused = subprocess.run(call, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert (refused.returncode, list(tmp_path.glob("*.fmu"))) == (1, [])
+    assert refused.stderr == "pushed.h: has numbers of single precision, an FMU has doubles; compile without --precision single\n"
+
+
 def slave(built: Path, said: list[str]) -> Any:
     description = fmpy.read_model_description(str(built / "unpacked"))
     made = FMU3Slave(
