@@ -65,6 +65,11 @@ def test_rows_without_a_view_are_zero() -> None:
     assert not triangles(glb(accessors=[{"componentType": 5126, "count": 4, "type": "VEC3"}, INDICES])).any()
 
 
+def test_extents_do_not_matter() -> None:
+    for extents in ({"max": None}, {"min": [], "max": "none"}):
+        np.testing.assert_allclose(triangles(described(extents)), CORNERS[np.array(FACES)])
+
+
 @pytest.mark.parametrize(("kind", "type_", "largest"), [(5120, "<i1", 127), (5121, "<u1", 255), (5122, "<i2", 32767), (5123, "<u2", 65535)])
 def test_normalised_numbers_are_shares_of_the_largest(kind: int, type_: str, largest: int) -> None:
     raw = np.frombuffer(glb()[-96:], type_)[:12].reshape(4, 3).astype(float)

@@ -111,13 +111,14 @@ def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
     lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page,
         buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
     lambda page: gltf(page, animations_0={"channels": [{"sampler": 99, "target": {"node": 1, "path": "translation"}}]}),
-    lambda page: gltf(page, accessors_0={"max": None}),
+    lambda page: gltf(page, accessors_0={"max": None}), lambda page: gltf(page, accessors_0={"min": "0, 0"}),
+    lambda page: gltf(page, animations_0={"name": None}), lambda page: gltf(page, animations_0={"extras": {"of": [1, {"rows": None}]}}),
     lambda page: gltf(page, animations_0={"samplers": [{"input": 0, "output": 0, "interpolation": None}]}),
     lambda page: gltf(page, extensionsRequired=["KHR_draco_mesh_compression"]),
 ], ids=[
     "empty", "another", "columns", "no columns", "too many", "letters", "cut off", "brackets", "deep", "backwards", "sum", "nan matrix",
     "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "no extent",
-    "interpolation", "extension",
+    "extent", "no name", "null within", "interpolation", "extension",
 ])  # fmt: skip
 def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.html"
@@ -139,6 +140,13 @@ def test_only_what_is_drawn_of_an_earlier_page_gets_into_another(press: Shown, b
     browser.open(tmp_path / "x.html")
     assert browser.run("cutjoint.ghost('slider', 0.3)") == pytest.approx(browser.run("cutjoint.project('slider', 0.3)"), abs=0.1)
     require_silence(browser)
+
+
+@needs_cpp
+def test_keys_without_a_value_are_dropped(press: Shown, tmp_path: Path) -> None:
+    text = press.page.read_text(encoding="utf-8")
+    (tmp_path / "earlier.html").write_text(gltf(text, nodes_1={"matrix": None, "mesh": None}), encoding="utf-8")
+    assert b"null" not in read_page(tmp_path / "earlier.html", "").glb
 
 
 @needs_cpp

@@ -7,6 +7,7 @@ from binascii import Error as EncodingError
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -69,18 +70,24 @@ def _copied(content: bytes) -> bytes:
     glb = read_glb(content)
     for i, accessor in enumerate(glb.document.accessors):  # normals and those of other scenes too
         glb.numbers(i, accessor.type)
-    for _ in glb.triangles():  # reads all of them
-        pass
+        if not all(type(extent) in (int, float) for extent in (*accessor.min, *accessor.max)):
+            raise ValueError
+    sum(1 for _ in glb.triangles())  # reads all of them
     for animation in glb.document.animations:
         for channel in animation["channels"]:
             sampler, target = animation["samplers"][channel["sampler"]], channel["target"]
             times = glb.numbers(sampler["input"], "SCALAR")
             moves = glb.numbers(sampler["output"], "VEC4" if target["path"] == "rotation" else "VEC3")
             indices = channel["sampler"], sampler["input"], sampler["output"], target["node"]
-            if min(indices) < 0 or target["node"] >= len(glb.document.nodes) or len(moves) != len(times):
+            known = target["path"] in ("translation", "rotation", "scale") and sampler.get("interpolation", "LINEAR") in ("LINEAR", "STEP")
+            if not known or min(indices) < 0 or target["node"] >= len(glb.document.nodes) or len(moves) != len(times):
                 raise ValueError
-            kind = sampler.get("interpolation", "LINEAR")
-            if target["path"] not in ("translation", "rotation", "scale") or kind not in ("LINEAR", "STEP"):
-                raise ValueError
-    known = glb.document.model_dump(by_alias=True, exclude_unset=True, exclude_none=True, exclude={"extensions_required"})
-    return packed(known, glb.binary)
+    copy = glb.document.model_dump(by_alias=True, exclude_unset=True, exclude_none=True, exclude={"extensions_required"})
+    if not _is_whole(copy):
+        raise ValueError
+    return packed(copy, glb.binary)
+
+
+def _is_whole(part: Any) -> bool:
+    """Whether no null stands in it, at which a page's script would fail."""
+    return part is not None and all(map(_is_whole, part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()))

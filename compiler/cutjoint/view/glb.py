@@ -86,8 +86,8 @@ class Accessor(_Described):
     count: Size
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
     sparse: Sparse | None = None
-    min: list[float] = []
-    max: list[float] = []
+    min: Any = []
+    max: Any = []
 
 
 class Primitive(_Described):
