@@ -20,6 +20,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_case
 from cutjoint.run.simulation import simulate
+from tests.conftest import with_heavy
 from tests.physics.simulation import compile_scene, completed
 
 G, FRONT, REAR, HALF = 9.81, 1.2, 1.5, 0.75
@@ -284,13 +285,14 @@ def test_a_car_on_stiff_tyres_is_the_rigid_one(manoeuvre: str) -> None:
     assert max(deviations(runs[1], expected).values()) > 1e-5  # it is the limit that is rigid
 
 
-def test_steady_turns_are_those_of_the_single_track_model() -> None:
+@pytest.mark.parametrize("driven", with_heavy([[10.0, 40.0], [10.0, 20.0, 30.0, 40.0]], [10.0, 20.0, 30.0, 40.0]))
+def test_steady_turns_are_those_of_the_single_track_model(driven: list[float]) -> None:
     """Yaw gain V/(L + K V^2) and understeer gradient K = m/L (b/Cf - a/Cr), forces behind the wheels' centres by their trail."""
     steer, speeds, gains = 1e-4, [], []
     front, rear = (2 * 20 * load * (1 - load / 15000) for load in LOADS.values())
     base, mass = FRONT + REAR, TwoTrack().mass()
     gradient = mass / base * ((REAR + TRAIL) / front - (FRONT - TRAIL) / rear)
-    for speed in (10.0, 40.0):
+    for speed in driven:
         law = f"{steer}*min(t, 1)**3*(10 - 15*min(t, 1) + 6*min(t, 1)**2)"
         turn = f'end: 10, output_step: 1, drive: {{steer_fl: "{law}", steer_fr: "{law}"}}'
         found = drive(car(plane, PLANE, turn, speed=speed, mu=1e6, resistance=0))
