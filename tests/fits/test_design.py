@@ -12,8 +12,13 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+import cutjoint
 from cutjoint.cli import main
 from cutjoint.fits.design import design_experiment
+from cutjoint.fits.reading import read_fit
+from cutjoint.fits.records import Study
+from cutjoint.fits.residuals import Prediction
+from cutjoint.package.errors import RunError
 
 _MASS, _STIFFNESS, _DAMPING, _NOISE = 2.0, 80.0, 0.6, 1e-3
 
@@ -87,8 +92,13 @@ def test_designed_inputs_tell_mass_spring_and_damping_apart_within_limits(tmp_pa
 
 
 def test_the_command_writes_inputs_that_a_study_takes_and_names_what_none_determines(tmp_path: Path) -> None:
-    """Mass, spring, damping and the force's gain grow together.  The table goes back as the input of the experiment."""
+    """Mass, spring, damping and the force's gain grow together.  The table goes back as the input of the experiment, whose file counts
+    milliseconds from another time, and the force in kN."""
     study = _study(tmp_path)
+    t, push, x = np.loadtxt(tmp_path / "slow.csv", delimiter=",", skiprows=1).T
+    columns = np.column_stack([1e3 * (t + 7), push / 1e3, x])
+    np.savetxt(tmp_path / "slow.csv", columns, delimiter=",", header="clock,push,x", comments="")
+    study["experiments"]["slow"] |= {"time": "clock", "time_unit": "ms", "inputs": {"push": {"unit": "kN"}}}
     study["parameters"]["gain"] = {}
     study["design"] |= {"runs": 10, "limits": {}}
     (tmp_path / "study.json").write_text(json.dumps(study))
@@ -100,6 +110,113 @@ def test_the_command_writes_inputs_that_a_study_takes_and_names_what_none_determ
     again = design_experiment(study, print)
     assert again.before == pytest.approx(after, rel=1e-3)  # as many digits as are printed
     assert again.after >= again.before * 0.999
+
+
+def test_the_file_of_inputs_counts_time_as_the_experiment_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run begins at the first sample, 7 s, in a file of milliseconds; the inputs come back as they were designed, from its start."""
+    study = _study(tmp_path)
+    t, push, x = np.loadtxt(tmp_path / "slow.csv", delimiter=",", skiprows=1).T
+    np.savetxt(tmp_path / "slow.csv", np.column_stack([1e3 * (t + 7), push, x]), delimiter=",", header="clock,push,x", comments="")
+    study["experiments"]["slow"] |= {"time": "clock", "time_unit": "ms", "inputs": {"push": {"unit": "kN"}}}
+    study["design"] |= {"inputs": {"push": ["-2 kN", "2 kN"]}, "runs": 1}
+    _replace_runs(monkeypatch, lambda count: np.random.default_rng(count).normal(size=(121, 3)))
+    found = design_experiment(study, print)
+    assert list(found.table) == ["clock", "push"]
+    np.savetxt(tmp_path / "inputs.csv", np.column_stack(list(found.table.values())), delimiter=",", header="clock,push", comments="")
+    study["experiments"]["slow"]["inputs"]["push"]["data"] = str(tmp_path / "inputs.csv")
+    (read,) = read_fit(study).experiments
+    table: Any = read.inputs["push"]
+    assert table["t"] == pytest.approx(0.01 * np.arange(601), abs=1e-12)
+    assert np.abs(table["value"]).max() > 500  # N
+    assert table["value"] == pytest.approx(1e3 * found.table["push"], rel=1e-12)
+
+
+def _replace_runs(monkeypatch: pytest.MonkeyPatch, derivatives: Any) -> None:
+    """Runs that end at once, with these derivatives (samples, parameters) of the n-th one, and outputs of zero."""
+
+    class Runs:
+        count = 0
+
+        def __init__(self, study: Study, note: Any) -> None:
+            self.study = study
+
+        def predict(self, theta: Any) -> list[Prediction]:
+            Runs.count += 1
+            (e,), found = self.study.experiments, derivatives(Runs.count)
+            return [Prediction(experiment=e, signal=s, values=np.zeros(len(s.times)), derivatives=found) for s in e.signals]
+
+    for module in ("fit", "design"):
+        monkeypatch.setattr(f"cutjoint.fits.{module}.Runs", Runs)
+
+
+def test_what_no_inputs_determine_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing turns, so that no moment of inertia has an effect."""
+    _replace_runs(monkeypatch, lambda count: np.zeros((121, 2)))
+    study = _study(tmp_path, parameters={"slider.inertia.1": {}, "slider.inertia.2": {}})
+    words = r"design: no inputs determine: slider\.inertia\.1 \+100 %; slider\.inertia\.2 \+100 %; add a signal"
+    with pytest.raises(RunError, match=words):
+        design_experiment(study, print)
+
+
+def test_failed_runs_are_no_fault_of_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(count: int) -> Any:
+        if count > 1:  # the first is with the present inputs
+            raise RunError(f"step {count} cannot be solved")
+        return np.ones((121, 3))
+
+    study = _study(tmp_path)
+    for derivatives, words in (
+        (fail, r"the runs with all inputs that were tried failed, the last: step 65 cannot be solved"),
+        (lambda count: np.ones((121, 3)), "no inputs keep the limits; widen them, or begin further inside them"),
+    ):
+        _replace_runs(monkeypatch, derivatives)
+        study["design"]["limits"] = {"rail.displacement": ["1 mm", "2 mm"]}  # zero is outside
+        with pytest.raises(RunError, match=f"design: {words}"):
+            design_experiment(study, print)
+
+
+def test_a_study_without_a_design_is_not_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    study = _study(tmp_path)
+    del study["design"]
+    with pytest.raises(RunError, match="it has no section design"):
+        design_experiment(study, print)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"frequency": "0.25 rad/s"}, ["'0.25 rad/s' counts angles; write Hz"]),
+        ({"limits": {"pin.angle_rate": ["-0.5 Hz", "0.5 rad/s"]}}, ["Hz leaves open whether"]),
+        ({"inputs": {"push": ["1 N", "2 N"]}}, ["its present value 0 is not between its bounds 1 and 2; change one of them"]),
+        ({"inputs": {"push": ["1 foo", "2 N"]}}, ["unknown unit 'foo'"]),
+        ({"inputs": {"pusch": [0, 1]}, "frequency": "1 kg"}, ["'pusch' is no input of the model", "needs"]),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_design_is_said_once(tmp_path: Path, change: dict[str, Any], words: list[str]) -> None:
+    study = _study(tmp_path)
+    text = _OSCILLATOR.replace("}}\njoints: {", "}, wheel: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}\njoints: {\n"
+        "  pin: {kind: revolute, bodies: [slider, wheel], at: [0, 0, 0], axis: x}, ")  # fmt: skip
+    (tmp_path / "oscillator.yaml").write_text(text)
+    study["design"] |= change
+    with pytest.raises(cutjoint.ModelError) as said:
+        read_fit(study)
+    lines = str(said.value).splitlines()
+    assert len(lines) == len(words)
+    for line, part in zip(sorted(lines), sorted(words), strict=True):
+        assert part in line
+
+
+@pytest.mark.parametrize(("parameters", "present"), [({}, 3.5), ({"lift": {"start": 5}}, 5.5)])
+def test_an_input_that_the_scene_drives_begins_at_its_law(tmp_path: Path, parameters: dict[str, Any], present: float) -> None:
+    study = _study(tmp_path, parameters={"stiffness": {}, **parameters})
+    scene = "scenes: {driven: {end: 6, output_step: 10 ms, inputs: {push: lift + cos(2*t)/2}}}\n"
+    (tmp_path / "oscillator.yaml").write_text(_OSCILLATOR.replace("gain: 1", "gain: 1\n  lift: 3") + scene)
+    study["experiments"]["slow"]["inputs"] = {}
+    study["design"]["inputs"]["push"] = [0, 6]
+    design = read_fit(study).design
+    assert design is not None
+    assert design.inputs["push"][1] == pytest.approx(present, rel=1e-15)
 
 
 _ARM = """

@@ -332,10 +332,15 @@ def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
         ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}}, "none.csv"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {}}, "validation": True}}}, "for validation"),
         ({"starts": {"count": 3}}, "several starts lie between bounds"),
-        ({"dt": 0}, "a step is above zero"),
+        ({"dt": 0}, "dt must be greater than zero"),
         ({"parameters": {"stiffness": {"size": 0}}}, "a size is above zero"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "foo"}}}}}, "experiment 'run': unknown unit 'foo'"),
         ({"experiments": {"run": {"data": "d.csv", "start": {"pin.angle": "3 kg"}, "signals": {"slider.x": {}}}}}, "'3 kg' is in another"),
+        ({"experiments": {"run": {"data": "d.csv", "start": {"pin.angle_rate": "3 Hz"}, "signals": {"slider.x": {}}}}}, "Hz leaves"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"pin.angle_rate": {"column": "slider.x", "bias": "1 Hz"}}}}}, "Hz leaves"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"pin.angle_rate": {"deviation": "1 Hz", "column": "slider.x"}}}}}, "Hz l"),
+        ({"dt": 0, "experiments": {"run": {"data": "d.csv", "from": 9, "time_unit": "foo", "signals": {"slider.x": {}}}}},
+         r"(?s)unknown unit 'foo'.*there are no samples in the window of time.*dt must be greater than zero|dt must.*unknown.*no samples"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: str) -> None:
@@ -354,6 +359,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: st
         ([50.0, 51.0, 52.0], [1.0, 1.0, 1.0], "no samples of it between 0 s and 1 s, where the signals are; see time"),
         ([0.0, 1.0, 2.0], [np.nan, np.nan, np.nan], "no samples of it between 0 s and 1 s"),
         ([np.nan, 0.5, 0.8], [1.0, np.nan, 1.0], None),
+        ([-2.0, -1.0], [1.0, 1.0], None),
     ],
 )  # fmt: skip
 def test_inputs_are_of_the_time_of_the_run(tmp_path: Path, times: list[float], values: list[float], words: str | None) -> None:
@@ -370,7 +376,20 @@ def test_inputs_are_of_the_time_of_the_run(tmp_path: Path, times: list[float], v
     else:
         (read,) = read_fit(tmp_path / "study.json").experiments
         assert read.signals[0].times.tolist() == [0, 0.5, 1]
-        assert list(np.asarray(read.inputs["push"]["t"])) == [0.8]
+        assert list(np.asarray(read.inputs["push"]["t"])) == [t for t, x in zip(times, values, strict=True) if np.isfinite(t + x)]
+
+
+def test_times_rise_in_the_window_alone(tmp_path: Path) -> None:
+    """A recorder wrote its first row twice, and began again behind the last."""
+    (tmp_path / "arm.yaml").write_text(_PENDULUM)
+    data = _write(tmp_path / "d.csv", [0.0, 0.0, 1.0, 2.0, 3.0, 0.5], pin_angle=[9.0, 9.0, 1.0, 2.0, 3.0, 9.0], start=np.full(6, 0.1))
+    run = {"data": data, "from": 1, "to": 2.5, "start": {"pin.angle": "start"}, "signals": {"pin.angle": {}}}
+    study = {"cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "parameters": {"friction": {}}, "experiments": {"a": run}}
+    (read,) = read_fit(study).experiments
+    assert read.signals[0].times.tolist() == [0, 1]
+    del run["from"]
+    with pytest.raises(cutjoint.CutjointError, match=r"the times of column 'pin\.angle' do not rise"):
+        read_fit(study)
 
 
 def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:

@@ -63,6 +63,13 @@ def test_masses_and_friction_from_a_measured_motion_and_current(tmp_path: Path) 
     assert free["arm.mass"] / free["k"] == pytest.approx(1.5 / 12, rel=2e-3)
 
 
+def test_a_bandwidth_in_radians_is_refused(tmp_path: Path) -> None:
+    study = _study(tmp_path)
+    study["experiments"]["swing"]["bandwidth"] = "10 rad/s"
+    with pytest.raises(cutjoint.CutjointError, match="'10 rad/s' counts angles; write Hz"):
+        read_fit(study)
+
+
 def test_a_slide_follows_the_column_of_its_coordinate(tmp_path: Path) -> None:
     model = _ARM[: _ARM.index("joints:")] + "joints: {rail: {kind: prismatic, bodies: [ground, arm], at: [0, 0, 0], axis: x}}\n"
     (tmp_path / "cart.yaml").write_text(model)

@@ -90,6 +90,7 @@ def test_nothing_beside_an_output_is_the_model(name: str, folder: Path) -> None:
 @pytest.mark.parametrize(("command", "other", "read"), [
     (("explain", "driven.yaml", "--out"), "other", "part.yaml"), (("simulate", "driven.yaml", "--out"), "other.csv", "part.yaml"),
     (("fit", "fit.yaml", "--out"), "other.json", "part.yaml"), (("fit", "fit.yaml", "--out"), "other.json", "measured.csv"),
+    (("fit", "fit.yaml", "--design"), "other.csv", "measured.csv"),
     (("fit", "fit.yaml", "--model"), "other.yaml", "driven.yaml"), (("fit", "fit.yaml", "--model"), "other.yaml", "measured.csv"),
 ])  # fmt: skip
 def test_no_output_is_a_file_that_an_input_names(
@@ -112,6 +113,23 @@ def test_no_output_is_a_file_that_an_input_names(
     words = f"{command[-1]} {other}: that is {read}, which the command reads; write the results elsewhere"
     assert (done.exit_code, " ".join(done.output.split())) == (1, words)
     assert Path(read).read_bytes() == before
+
+
+def test_no_second_model_of_a_fit_is_a_model_that_it_reads(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fitted models of one study are numbered."""
+    monkeypatch.setenv("PATH", "")  # nothing can be compiled
+    Path("other-2.yaml").write_text(DRIVEN, encoding="utf-8")
+    Path("measured.csv").write_text("t,output.position\n0.1,0\n0.2,0\n", encoding="utf-8")
+    Path("fit.yaml").write_text(dedent("""
+        cutjoint_fit: 1
+        parameters: {block.mass: {}}
+        experiments:
+          one: {model: driven.yaml, data: measured.csv, signals: {block.y: {column: output.position}}}
+          two: {model: other-2.yaml, data: measured.csv, signals: {block.y: {column: output.position}}}
+    """), encoding="utf-8")  # fmt: skip
+    done = call("fit", "fit.yaml", "--model", "other.yaml")
+    words = "--model other-2.yaml: that is the model other-2.yaml; write the results elsewhere"
+    assert (done.exit_code, " ".join(done.output.split())) == (1, words)
 
 
 def test_no_output_is_the_table_of_a_batch(folder: Path) -> None:

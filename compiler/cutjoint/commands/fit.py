@@ -16,20 +16,25 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
 
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
     """
-    from cutjoint.fits.fit import fit
+    from cutjoint.fits.fit import Solver
     from cutjoint.fits.page import make_page
+    from cutjoint.fits.reading import read_fit
     from cutjoint.fits.writing import as_json, rewrite_model
 
     files = [("--out", out), ("--model", model_out), ("--view", view)]
     if design is not None:
         if given := [option for option, path in files if path is not None]:
             raise click.UsageError(f"{given[0]} is of a fit; --design makes none")
-        require_apart({"the study": fit_study}, documents=[("--design", design)])
         _design(fit_study, design)
         return
     out = Path(f"{fit_study.stem}.json") if out is None else out
-    require_apart({"the study": fit_study}, documents=[("--out", out), *files[1:]])
-    found = fit(fit_study, note=lambda text: options.err.print(text))
+    study = read_fit(fit_study)
+    models = {e.model.span.file: e.model for e in study.experiments}
+    ends = ["", *(f"-{i}" for i in range(2, len(models) + 1))]
+    written = [] if model_out is None else [("--model", model_out.with_name(f"{model_out.stem}{end}{model_out.suffix}")) for end in ends]
+    read = {"the study": fit_study, **{f"the model {file}": Path(file) for file in models}}
+    require_apart(read, documents=[("--out", out), ("--view", view), *written])
+    found = Solver(study, lambda text: options.err.print(text)).solve()
     write_whole(out, as_json(found))
     parameters = (
         (name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")
@@ -44,10 +49,8 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
     )  # fmt: skip
     figures = ("samples", "RMS of residual", "explained", "white noise: p")
     options.out.print(tables.table("signals, SI units", ("experiment", "signal", *figures), signals, numbers=figures, no_wrap=True))
-    for number, model in enumerate({e.model.span.file: e.model for e in found.study.experiments}.values()):
-        if model_out is not None:
-            path = model_out if not number else model_out.with_name(f"{model_out.stem}-{number + 1}{model_out.suffix}")
-            options.out.print(f"model: {write_whole(path, rewrite_model(model, found.numbers))}")
+    for (_, path), model in zip(written, models.values(), strict=False):
+        options.out.print(f"model: {write_whole(path, rewrite_model(model, found.numbers))}")
     if view is not None:
         options.out.print(f"view: {write_whole(view, make_page(found))}")
     options.out.print(f"verdict: {found.verdict}, {found.iterations} iterations, {found.runs} runs; results: {out}")

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.fits.fit import NULL, Solver, combine, decompose
+from cutjoint.fits.fit import NULL, Solver, combine, decompose, describe
 from cutjoint.fits.reading import read_fit
-from cutjoint.fits.records import Array
+from cutjoint.fits.records import Array, Study
 from cutjoint.fits.residuals import Runs
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.package.locations import AnyPath
@@ -20,7 +20,7 @@ _TRIES, _HALVINGS, _MARGIN, _WEAK = 8, 8, 0.002, 1.96
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentDesign:
-    """Times ``t`` and inputs by name, and what these determine, of parameters as shares of their sizes.
+    """Times and inputs, as the study takes them from a file, and what these determine, of parameters as shares of their sizes.
 
     * ``before``, ``after``: smallest eigenvalue of the information matrix with the present inputs and with these
     * ``weak``: combinations that the present inputs determine worst, with their information (1/variance) before and after
@@ -36,38 +36,38 @@ class ExperimentDesign:
 
 def design_experiment(study: AnyPath | Mapping[str, Any], note: Callable[[str], None]) -> ExperimentDesign:
     """Find inputs for the experiment under ``design`` in a fit's study. Raises RunError: it has none, or no inputs keep the limits."""
-    return _Designer(Solver(read_fit(study), note)).solve()
+    return _Designer(read_fit(study), note).solve()
 
 
 class _Designer:
     """Inputs are sines of Fourier series, as wide as their bounds; they begin with their present values, at rest."""
 
-    def __init__(self, solver: Solver) -> None:
-        if (asked := solver.study.design) is None:
-            raise RunError(f"{solver.study.file}: it has no section design; write there an experiment, and inputs with bounds")
-        self.asked, self.solver, e = asked, solver, asked.experiment
+    def __init__(self, study: Study, note: Callable[[str], None]) -> None:
+        if (asked := study.design) is None:
+            raise RunError(f"{study.file}: it has no section design; write there an experiment, and inputs with bounds")
+        self.asked, self.solver, self.failures, e = asked, (solver := Solver(study, note)), list[str](), asked.experiment
         self.t = e.dt * np.arange(max(3.0, np.ceil(max(s.times[-1] for s in e.signals) / e.dt - 1e-6)) + 1, dtype=np.float64)
         k = np.arange(1.0, asked.harmonics + 1)[:, np.newaxis]
         waves = np.exp(2j * np.pi * (asked.frequency or 1 / self.t[-1]) * k * self.t)  # each less its share of the last: at rest at 0
         odd, even = waves.imag - k / k[-1] * waves.imag[-1], (1 - waves.real) - (k / k[-1]) ** 2 * (1 - waves.real[-1])
         self.basis = np.vstack([odd[:-1], even[:-1]])
-        start, low, high = np.array([numbers for _, *numbers in asked.inputs.values()]).T[:, :, np.newaxis]
+        start, low, high, _ = np.array([numbers for _, *numbers in asked.inputs.values()]).T[:, :, np.newaxis]
         self.middle, self.half = (low + high) / 2, (high - low) / 2
         self.phase = np.arcsin(np.clip((start - self.middle) / self.half, -1, 1))
         self.tables, self.kept = dict(e.inputs), (b"", (np.zeros((0, 0)), np.zeros(0)))
         limits = (replace(s, times=self.t, values=np.zeros(len(self.t))) for s, *_ in asked.limits)
         e = replace(e, inputs=self.tables, signals=(*e.signals, *limits))
-        self.runs = Runs(replace(solver.study, experiments=(e,)), solver.note)
+        self.runs = Runs(replace(study, experiments=(e,)), note)
         rows = [(p.experiment.name == e.name, s, p.derivatives / s * solver.sizes)
                 for p, s in zip(solver.runs.predict(solver.start), solver.deviations, strict=True)]  # fmt: skip
         self.noise, self.present = [s for own, s, _ in rows if own], np.vstack([x for own, _, x in rows if own])
         self.rest = [x for own, _, x in rows if not own] + [np.diag(solver.sizes / solver.prior)]
 
     def solve(self) -> ExperimentDesign:
-        """The result; raises RunError: no inputs keep the limits."""
+        """The result; raises RunError: no inputs keep the limits, or determine anything."""
         from scipy.optimize import NonlinearConstraint, minimize
 
-        names, pool, points = self.solver.names, [self.present], list[Array]()
+        file, names, pool, points = self.solver.study.file, self.solver.names, [self.present], list[Array]()
         for point in np.random.default_rng(0).normal(size=(_TRIES, self.phase.size * len(self.basis))):
             for shorter in point / 2.0 ** np.arange(_HALVINGS)[:, np.newaxis]:
                 jacobian, excess = self.run(shorter)
@@ -75,10 +75,14 @@ class _Designer:
                 if excess.max() <= -_MARGIN:
                     points.append(shorter)
                     break
+        if not points and len(self.failures) == len(pool) - 1:
+            raise RunError(f"{file}: design: the runs with all inputs that were tried failed, the last: {self.failures[-1]}")
         if not points:
-            raise RunError(f"{self.solver.study.file}: design: no inputs keep the limits; widen them, or begin further inside them")
+            raise RunError(f"{file}: design: no inputs keep the limits; widen them, or begin further inside them")
         singular, directions = decompose(np.vstack([*pool, *self.rest]))
         is_open = singular <= NULL * decompose(np.vstack([*pool, *self.rest[:-1]]))[0][0]  # of data, without priors
+        if is_open.all():
+            raise RunError(f"{file}: design: no inputs determine: {'; '.join(map(describe, combine(directions, names)))}; add a signal")
 
         def determine(jacobian: Array) -> tuple[Array, Array]:
             return decompose(np.vstack([jacobian, *self.rest]) @ directions[~is_open].T)
@@ -99,9 +103,10 @@ class _Designer:
         (before, worst), (after, axes) = determine(self.present), determine(self.run(best[1])[0])
         weak = ((combine(d[np.newaxis] @ directions[~is_open], names)[0], s**2, 1 / np.sum((axes @ d / after) ** 2))
                 for s, d in zip(before, worst, strict=True) if s <= max(_WEAK, before[-1]))  # fmt: skip
-        table = {name: np.asarray(self.tables[own]["value"]) for name, (own, *_) in self.asked.inputs.items()}
-        return ExperimentDesign(table={"t": self.t, **table}, before=before[-1] ** 2, after=after[-1] ** 2, weak=tuple(weak),
-            open=combine(directions[is_open], names))  # fmt: skip
+        time, begin, unit = self.asked.experiment.clock
+        table = {name: np.asarray(self.tables[own]["value"]) / factor for name, (own, *_, factor) in self.asked.inputs.items()}
+        return ExperimentDesign(table={time: (begin + self.t) / unit, **table}, before=before[-1] ** 2, after=after[-1] ** 2,
+            weak=tuple(weak), open=combine(directions[is_open], names))  # fmt: skip
 
     def run(self, x: Array) -> tuple[Array, Array]:
         """The derivatives of residuals by scaled parameters, and by how much limits are exceeded, as shares of their ranges.
@@ -113,6 +118,7 @@ class _Designer:
             try:
                 found = self.runs.predict(self.solver.start)
             except CutjointError as error:
+                self.failures.append(str(error))
                 self.solver.note(f"  a run failed: {error}")
                 jacobian, excess = np.zeros((1, len(self.solver.names))), [1.0] * (2 * len(self.asked.limits) + 1)
             else:

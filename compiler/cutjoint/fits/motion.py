@@ -63,7 +63,7 @@ def _drive(model: Model, joint: Joint) -> tuple[Term, tuple[Output, ...]]:
 def smooth(t: Array, values: Array, rates: Array | None, spacing: float) -> tuple[BSpline, Array]:
     """The cubic spline of least squares with even knots, through values, NaN where missing, and rates; and the RMS of both residuals.
     Values and rates are weighed by their noise, which the residuals show."""
-    knots = t[0] + spacing * np.arange(-3 - _MARGIN, np.ceil((t[-1] - t[0]) / spacing) + 4 + _MARGIN)
+    knots = t.min() + spacing * np.arange(-3 - _MARGIN, np.ceil(np.ptp(t) / spacing) + 4 + _MARGIN)
     rows = [(values, BSpline.design_matrix(t, knots, 3, extrapolate=True))]
     if rates is not None:
         fewer = BSpline.design_matrix(t, knots[1:-1], 2, extrapolate=True)

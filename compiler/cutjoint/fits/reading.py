@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 import sympy
@@ -21,10 +21,11 @@ from cutjoint.model.document.checks import check_part
 from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.document.source import Source, parse_yaml, read_text
 from cutjoint.model.errors import ModelError, Problems, nearest
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.operations import ExpressionError, Term
-from cutjoint.model.expressions.parse import Names, symbols_of
+from cutjoint.model.expressions.parse import Names, symbols_of, variable
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import TIME, Dimension, UnitError, fault_of_hertz, measure
+from cutjoint.model.expressions.units import TIME, Dimension, UnitError, fault_of_hertz, measure, unit_written
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -32,8 +33,10 @@ from cutjoint.run.scenes import find_case
 from cutjoint.sweeps.code import Reader, dimension_of
 from cutjoint.topology.reading import read_model, read_model_text
 
-#: The bandwidth of measured motions, Hz, and its dimension.
-_BAND, _RATE = 10.0, measure(1.0, "Hz").dimension
+#: The bandwidth of measured motions, Hz.
+_BAND = 10.0
+
+Window: TypeAlias = tuple[float, float]  # of time, s
 
 _LABELS = {"parameters": "parameter", "ties": "tie", "experiments": "experiment", "inertias": "inertia"}
 
@@ -76,6 +79,7 @@ class _Reading:
         self._read_models()
         known = {p.name: p for model in self.models.values() for p in (*tunable_parameters(model), *input_parameters(model))}
         fitted = [self._parameter(name, part, known.get(name)) for name, part in document.parameters.items()]
+        self.starts = {p.name: p.start for p in fitted}
         ties: dict[str, Scalar] = {}
         for i, name in enumerate(dict.fromkeys(document.inertias)):
             try:
@@ -89,7 +93,7 @@ class _Reading:
             if name not in known or name in document.parameters or name in ties:
                 why = "is a parameter of the fit" if name in {*document.parameters, *ties} else "is no number of the models"
                 self._fail(("ties", name), f"'{name}' {why}", nearest(name, known, "they have"), at_key=True)
-            ties[name] = self._expression(text, ("ties", name), dimension_of(known[name].unit) if name in known else None)
+            ties[name] = self._expression(text, ("ties", name), None, known[name].unit if name in known else "")
         experiments = [self._experiment(name, part) for name, part in document.experiments.items()]
         used = {symbol for value in ties.values() for symbol in value.free_symbols}
         used |= {s for e in experiments for v in (*e.starts.values(), *(x for g in e.signals for x in (g.gain, g.bias, g.delay)))
@@ -147,11 +151,7 @@ class _Reading:
             dimension = self._term(part.start, (*keys, "start"), {}).dimension
 
         def number(value: Any, key: tuple[str, ...], default: float) -> float:
-            if value is None:
-                return default
-            if own is not None and (fault := fault_of_hertz(str(value), own.unit)):
-                self._fail((*keys, *key), fault)
-            return replace(self.where, label=f"parameter '{name}'").number(value, dimension, (*keys, *key))
+            return default if value is None else self._number(value, (*keys, *key), dimension, "" if own is None else own.unit)
 
         start = number(part.start, ("start",), nan if own is None else own.value)
         low, high = number(part.from_, ("from",), -inf), number(part.to, ("to",), inf)
@@ -176,6 +176,12 @@ class _Reading:
         return Parameter(name=name, symbol=symbol, unit=unit, start=start, low=low, high=high, mean=mean, deviation=deviation,
             size=size if size > 0 else 1.0, span=self.source.key_span(keys))  # fmt: skip
 
+    def _number(self, value: Any, keys: Keys, dimension: Dimension | None, unit: str) -> float:
+        """A number of a dimension, by default that of a unit; NaN when it is wrong."""
+        if fault := fault_of_hertz(str(value), unit):
+            self._fail(keys, fault)
+        return replace(self.where, label=element_of(keys)[0]).number(value, dimension or dimension_of(unit), keys)
+
     def _term(self, value: int | float | str, keys: Keys, further: Mapping[str, Term]) -> Term:
         def dotted(name: str) -> Term:
             if name in self.terms:
@@ -185,10 +191,12 @@ class _Reading:
         names = Names({**further, **self.terms}, frozenset(), dotted)
         return replace(self.where, label=element_of(keys)[0]).term(value, keys, names)
 
-    def _expression(self, value: Any, keys: Keys, dimension: Dimension | None, further: Mapping[str, Term] | None = None) -> Scalar:
-        term = self._term(value, keys, further or {})
+    def _expression(self, value: Any, keys: Keys, dimension: Dimension | None, unit: str, more: Mapping[str, Term] | None = None) -> Scalar:
+        term, dimension = self._term(value, keys, more or {}), dimension or dimension_of(unit)
         if dimension is not None and term.dimension not in (None, dimension):
             self._fail(keys, f"'{value}' is in another dimension than what it is for", f"write it in {dimension}")
+        elif fault := fault_of_hertz(unit_written(str(value)), unit):
+            self._fail(keys, fault)
         return sympy.sympify(term.value)
 
     # Experiments
@@ -213,7 +221,7 @@ class _Reading:
             (default if value is None else self.where.number(value, TIME, (*keys, key)))
             for key, value, default in (("from", part.from_, nan), ("to", part.to, inf))
         )  # fmt: skip
-        taken = {text: self._column((*keys, "signals", text), data, str(m.column or text), seconds) for text, m in part.signals.items()}
+        taken = {n: self._column((*keys, "signals", n), data, str(m.column or n), seconds, (begin, until)) for n, m in part.signals.items()}
         if isnan(begin):
             begin = min(float(t[0]) if len(t) else 0.0 for t, _ in taken.values())
         signals = []
@@ -222,7 +230,8 @@ class _Reading:
             inside = (t >= begin - 1e-9) & (t <= until + 1e-9)
             whole = inside & np.isfinite(values)
             if not whole.any():
-                self._stop((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
+                self._fail((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
+                continue
             missing = int(inside.sum() - whole.sum())
             signals.append(self._signal((*keys, "signals", text), text, measured, reader, (t[whole] - begin, values[whole], missing)))
             if part.poses and missing:
@@ -230,21 +239,21 @@ class _Reading:
         named = {n: Term(sympy.Symbol(f"[{n}]", real=True)) for text in part.start.values() for n in symbols_of(text) - self.terms.keys()}
         columns = {}
         for n, term in named.items():
-            t, values = self._column((*keys, "start"), data, n, seconds)
+            t, values = self._column((*keys, "start"), data, n, seconds, (begin, until))
             columns[term.value] = values if part.poses else values[np.isfinite(values) & (t >= begin - 1e-9)][:1]
-        starts = {c: self._expression(v, (*keys, "start", c), _dimension(model, c), named) for c, v in part.start.items()}
-        window = begin, begin + max(float(g.times[-1]) for g in signals)
+        starts = {c: self._expression(v, (*keys, "start", c), None, _unit(model, c), named) for c, v in part.start.items()}
+        window = begin, begin + max((float(g.times[-1]) for g in signals), default=inf)
         inputs = {n: self._input((*keys, "inputs", n), n, d, part, model, window) for n, d in part.inputs.items()}
-        notes = self._motions(keys, part, followed, inputs, begin) if followed is not None else ()
+        notes = self._motions(keys, part, followed, inputs, window) if followed is not None else ()
         asked = self.document.design
         asked = None if asked is None or asked.experiment != name or part.poses or part.validation else asked
         limits = [] if asked is None else [
             self._signal(("design", "limits", text), text, parts.Measured(), reader, (np.zeros(1), np.zeros(1), 0)) for text in asked.limits
         ]
         experiment = Experiment(
-            name=name, model=model, scene=replace(scene, outputs=tuple(reader.outputs.values())), outputs=tuple(reader.outputs.values()),
+            name=name, model=model, inputs=inputs, outputs=(read := tuple(reader.outputs.values())), scene=replace(scene, outputs=read),
             signals=tuple(signals), starts=starts, columns=columns, is_pose=part.poses, at_rest=part.rest, validation=part.validation,
-            inputs=inputs, dt=self._step(scene, signals), span=self.source.key_span(keys), notes=notes,
+            dt=self._step(scene, signals), clock=(str(part.time), begin, seconds), notes=notes, span=self.source.key_span(keys),
         )  # fmt: skip
         if asked is not None:
             self.design = self._design(asked, experiment, limits, {} if followed is None else followed.inputs)
@@ -252,28 +261,33 @@ class _Reading:
 
     def _design(self, asked: parts.Design, of: Experiment, limits: list[Signal], motion: Mapping[str, Any]) -> Design:
         known, found = {p.name: p for p in input_parameters(of.model)} | dict(motion), {}
+        values = {variable("t"): 0.0} | {p.symbol: self.starts.get(p.name, p.value) for p in of.model.parameters}
         for name, bounds in asked.inputs.items():
             keys: Keys = ("design", "inputs", name)
             if name not in known:
-                self._stop(keys, f"'{name}' is no input of the model, and no joint under motion", nearest(name, known, "it has"))
-            own = known[name]
-            table: Any = of.inputs.get(own.name, {"t": [0.0], "value": [own.value]})
-            found[name] = own.name, float(np.interp(0.0, table["t"], table["value"])), *self._within(bounds, keys, own.unit)
-        frequency = 0.0 if asked.frequency is None else self.where.number(asked.frequency, _RATE, ("design", "frequency"))
+                self._fail(keys, f"'{name}' is no input of the model, and no joint under motion", nearest(name, known, "it has"))
+                continue
+            own, driven = known[name], self.document.experiments[of.name].inputs.get(name, parts.Driven())
+            law = evaluate(of.scene.inputs.get(own.name, own.symbol), values)
+            table: Any = of.inputs.get(own.name) or {"t": [0.0], "value": [law]}
+            start, (low, high) = float(np.interp(0.0, table["t"], table["value"])), self._within(bounds, keys, own.unit)
+            if low < high and not low <= start <= high:
+                self._fail(keys, f"its present value {start:g} is not between its bounds {low:g} and {high:g}", "change one of them")
+            found[name] = own.name, start, low, high, self._factor(driven.unit, ("experiments", of.name, "inputs", name, "unit"), None)
+        frequency = 0.0 if asked.frequency is None else self._number(asked.frequency, ("design", "frequency"), None, "Hz")
         bounded = [(s, *self._within(asked.limits[s.text], ("design", "limits", s.text), s.unit)) for s in limits]
         return Design(experiment=of, inputs=found, limits=bounded, frequency=frequency, harmonics=asked.harmonics, runs=asked.runs)
 
     def _within(self, bounds: Sequence[Any], keys: Keys, unit: str) -> tuple[float, float]:
-        low, high = (self.where.number(value, dimension_of(unit), (*keys, i)) for i, value in enumerate(bounds))
-        if not low < high:
+        low, high = (self._number(value, (*keys, i), None, unit) for i, value in enumerate(bounds))
+        if low >= high:
             self._fail(keys, f"its bounds {low:g} and {high:g} enclose nothing", "write the smaller one first")
         return low, high
 
     def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
         """The step of the runs: of adaptive integrators the interval between samples, of others the scene's, if they are not given."""
         if self.document.dt is not None:
-            dt = self.where.number(self.document.dt, TIME, ("dt",))
-            return dt if dt > 0 else self._stop(("dt",), "a step is above zero")
+            return self.where.positive(self.where.number(self.document.dt, TIME, ("dt",)), ("dt",))
         chosen, own = self.document.integrator, scene.numerics.of_method(self.document.method).dt
         if own is not None and (chosen is None or not INTEGRATORS[chosen].adaptive):
             return own
@@ -286,43 +300,41 @@ class _Reading:
         except ExpressionError as error:
             self._fail(keys, f"'{text}': {error.message}", error.hint, at_key=True)
             return Signal(text=text, unit="", value=sympy.S.Zero, times=data[0], values=data[1], deviation=nan, gain=1, bias=0, delay=0)
-        free = part.gain is not None  # which has the quotient of the units
-        factor = self._factor(part.unit, (*keys, "unit"), None if free else dimension, "" if free else unit)
-        at = replace(self.where, label=element_of(keys)[0])
-        deviation = nan if part.deviation is None else at.number(part.deviation, None if free else dimension, (*keys, "deviation"))
+        as_it = (dimension, unit) if part.gain is None else (None, "")  # a gain has the quotient of the units
+        factor = self._factor(part.unit, (*keys, "unit"), *as_it)
+        deviation = nan if part.deviation is None else self._number(part.deviation, (*keys, "deviation"), *as_it)
         if deviation <= 0:
             self._fail((*keys, "deviation"), "a standard deviation is above zero")
         gain, bias, delay = (
-            sympy.sympify(default) if declared is None else self._expression(declared, (*keys, key), expected)
+            sympy.sympify(default) if declared is None else self._expression(declared, (*keys, key), *expected)
             for key, declared, default, expected in
-            (("gain", part.gain, 1, None), ("bias", part.bias, 0, None if free else dimension), ("delay", part.delay, 0, TIME))
+            (("gain", part.gain, 1, (None, "")), ("bias", part.bias, 0, as_it), ("delay", part.delay, 0, (TIME, "")))
         )  # fmt: skip
         times, values, missing = data
         return Signal(text=text, unit=unit or ("" if dimension is None else str(dimension)), value=sympy.sympify(value), times=times,
             values=values * factor, deviation=deviation, gain=gain, bias=bias, delay=delay, missing=missing)  # fmt: skip
 
-    def _input(
-        self, keys: Keys, name: str, part: parts.Driven, of: parts.Experiment, model: Model, window: tuple[float, float]
-    ) -> dict[str, object]:  # fmt: skip
+    def _input(self, keys: Keys, name: str, part: parts.Driven, of: parts.Experiment, model: Model, window: Window) -> dict[str, object]:
         own = {p.name: p for p in input_parameters(model)}
         if name not in own:
             self._fail(keys, f"the model has no input '{name}'", nearest(name, own, "it has"), at_key=True)
             return {}
-        seconds = self._factor(of.time_unit, ("experiments",), TIME)
+        seconds = self._factor(of.time_unit, (*keys[:2], "time_unit"), TIME)
         file = part.data or of.data
         t, values = self._column(keys, self._data(file, str(part.time or of.time)), str(part.column or name), seconds)
         t, values = t[np.isfinite(values)], values[np.isfinite(values)]
         if name in self.document.parameters:
             self._fail(keys, "it is a parameter of the fit, too", "remove one of them", at_key=True)
-        if not len(t) or t[0] > window[1] or t[-1] < window[0]:
-            self._stop(keys, f"{file} has no samples of it between {window[0]:g} s and {window[1]:g} s, where the signals are", "see time")
+        if not len(t) or t[0] > window[1]:
+            self._fail(keys, f"{file} has no samples of it between {window[0]:g} s and {window[1]:g} s, where the signals are", "see time")
+            return {}
         factor = self._factor(part.unit, (*keys, "unit"), dimension_of(own[name].unit) if own[name].unit else None, own[name].unit)
         return {"t": t - window[0], "value": values * factor, "interpolation": part.interpolation}
 
-    def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
+    def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], window: Window) -> tuple[str, ...]:
         """Add the tables of joints that follow columns to inputs; returns what was smoothed, in words."""
         seconds, data, notes = self._factor(part.time_unit, (*keys, "time_unit"), TIME), self._data(part.data, str(part.time)), []
-        band = _BAND if part.bandwidth is None else self.where.number(part.bandwidth, _RATE, (*keys, "bandwidth"))
+        band = _BAND if part.bandwidth is None else self._number(part.bandwidth, (*keys, "bandwidth"), None, "Hz")
         if not band > 0:
             self._stop((*keys, "bandwidth"), "a bandwidth is above zero", "write for example 10 Hz")
         coordinates = {joint.name: joint.element.coordinates for joint in followed.model.joints}
@@ -330,9 +342,9 @@ class _Reading:
             own = followed.inputs[name]
             factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), dimension_of(own.unit))
             at: Keys = (*keys, "motion", name)
-            t, values = self._column(at, data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds)
-            rates = None if moved.rate is None else self._column(at, data, str(moved.rate), seconds)[1] * factor
-            spline, noise = smooth(t - begin, values * factor, rates, 0.5 / band)
+            t, values = self._column(at, data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds, window)
+            rates = None if moved.rate is None else self._column(at, data, str(moved.rate), seconds, window)[1] * factor
+            spline, noise = smooth(t - window[0], values * factor, rates, 0.5 / band)
             times = np.concatenate([[0.0], spline.t[(spline.t > 0) & (spline.t <= spline.t[-4])]])
             inputs[own.name] = {"t": times, "value": spline(times), "rate": spline(times, 1), "interpolation": "cubic"}
             left = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(noise, (own.unit, f"{own.unit}/s"), strict=False))
@@ -344,12 +356,12 @@ class _Reading:
             self.data[file, time] = read_data(self.folder / file, time)
         return self.data[file, time]
 
-    def _column(self, keys: Keys, data: Columns, name: str, seconds: float) -> tuple[Array, Array]:
-        """Times and values of a column where there is a time; the times of samples rise."""
+    def _column(self, keys: Keys, data: Columns, name: str, seconds: float, window: Window = (nan, nan)) -> tuple[Array, Array]:
+        """Times and values of a column where there is a time; those of samples rise in a window, without ends where these are NaN."""
         t, values = data(name)
         t, values = t[np.isfinite(t)] * seconds, values[np.isfinite(t)]
-        if (np.diff(t[np.isfinite(values)]) <= 0).any():
-            self._stop(keys, f"the times of column '{name}' do not rise", "sort the rows and remove duplicates")
+        if (np.diff(t[np.isfinite(values) & ~(t < window[0] - 1e-9) & ~(t > window[1] + 1e-9)]) <= 0).any():
+            self._fail(keys, f"the times of column '{name}' do not rise", "sort the rows and remove duplicates")
         return t, values
 
     def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None, own: str = "") -> float:
@@ -358,7 +370,8 @@ class _Reading:
         try:
             one = measure(1.0, unit)
         except UnitError as error:
-            self._stop(keys, str(error))
+            self._fail(keys, str(error))
+            return 1.0
         if dimension not in (None, one.dimension):
             self._fail(keys, f"unit {unit} does not fit what is measured, in {dimension}", "write a unit of that")
         elif fault := fault_of_hertz(unit, own):
@@ -366,11 +379,11 @@ class _Reading:
         return one.value
 
 
-def _dimension(model: Model, coordinate: str) -> Dimension | None:
+def _unit(model: Model, coordinate: str) -> str:
     try:
-        return Reader(model).read(coordinate, model.span)[2]
+        return Reader(model).read(coordinate, model.span)[1]
     except ExpressionError:
-        return None  # `Simulation.choose_independent` says what there is
+        return ""  # `Simulation.choose_independent` says what there is
 
 
 def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Model:

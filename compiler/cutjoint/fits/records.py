@@ -48,7 +48,8 @@ class Signal:
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One run, or ``rows`` of poses, of a model in a scene.  ``starts`` are expressions of the parameters and of the ``columns``, the
-    values (rows,) of each symbol; ``inputs`` are tables over time.  ``notes`` say how data were treated."""
+    values (rows,) of each symbol; ``inputs`` are tables over time.  ``clock`` is how the file counts times: column, time of the start (s)
+    and unit (s); ``notes`` say how data were treated."""
 
     name: str
     model: Model
@@ -58,6 +59,7 @@ class Experiment:
     starts: Mapping[str, Scalar]
     columns: Mapping[Scalar, Array]
     inputs: Mapping[str, Mapping[str, object]]
+    clock: tuple[str, float, float]
     is_pose: bool
     at_rest: bool
     validation: bool
@@ -68,11 +70,11 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """An experiment that gets other ``inputs``: their names in the model, start and bounds; ``limits`` are signals with bounds.
+    """An experiment that gets other ``inputs``: names in the model, start, bounds and unit; ``limits`` are signals with bounds.
     ``frequency`` (Hz) is that of the first harmonic, 0: of one period in the run."""
 
     experiment: Experiment
-    inputs: Mapping[str, tuple[str, float, float, float]]
+    inputs: Mapping[str, tuple[str, float, float, float, float]]
     limits: Sequence[tuple[Signal, float, float]]
     frequency: float
     harmonics: int
