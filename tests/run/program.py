@@ -26,7 +26,7 @@ def call(*arguments: object) -> Result:
 
 
 def launch(*arguments: object, limit: int | None = None, **how: object) -> subprocess.Popen[str]:
-    """The program in a process of its own, whose files may have ``limit`` bytes."""
+    """The program in a process of its own, whose files may have ``limit`` bytes; it keeps no bytecode then, which would be cut off too."""
 
     def prepare() -> None:
         listen()
@@ -34,7 +34,8 @@ def launch(*arguments: object, limit: int | None = None, **how: object) -> subpr
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     return subprocess.Popen(
-        [sys.executable, "-c", "from cutjoint.cli import main; main()", *map(str, arguments)], text=True, preexec_fn=prepare,
+        [sys.executable, *(() if limit is None else ("-B",)), "-c", "from cutjoint.cli import main; main()", *map(str, arguments)],
+        text=True, preexec_fn=prepare,
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **how},  # type: ignore[arg-type]
     )  # fmt: skip
 
