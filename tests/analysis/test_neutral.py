@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.optimize import fsolve
 
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
@@ -169,18 +171,61 @@ def test_one_line_says_it(tmp_path: Path, case: str) -> None:
     assert [sorted(line.partition(": ")[2].split(", ")) for line in lines] == ([names] if names else [])
 
 
-@pytest.mark.parametrize(("joint", "scrubs"), [("kind: revolute, axis: x", True), ("kind: prismatic, axis: z", False)])
-def test_a_line_names_the_largest_side_force_of_standing_tyres(tmp_path: Path, joint: str, scrubs: bool) -> None:
-    """Swing axles scrub from the drawn position to the rest, and friction holds what is left; wheels that move straight up do not."""
+def _car(gravity: str, joint: str = "kind: revolute, axis: x", scene: str = "", brake: str = "") -> str:
+    car = _CAR.replace("JOINT", joint).replace("{end: 1}", f"{{end: 1{scene}}}").replace("spin_inertia: 1,", f"spin_inertia: 1,{brake}")
+    return _HEAD.replace("[0, 0, {g}]", gravity) + car
+
+
+@pytest.mark.parametrize("joint", ["kind: revolute, axis: x", "kind: prismatic, axis: z"])
+@pytest.mark.parametrize("across", [0.0, 0.5])
+def test_a_line_names_the_largest_side_force_of_standing_tyres(tmp_path: Path, joint: str, across: float) -> None:
+    """Tyres hold a car on a banked road; on a level one they hold nothing, also where swing axles scrub on the way to rest."""
     model = tmp_path / "m.yaml"
-    model.write_text(_HEAD.replace("{g}", "-9.81") + _CAR.replace("JOINT", joint), encoding="utf-8")
+    model.write_text(_car(f"[0, {across}, -9.81]", joint), encoding="utf-8")
     done = CliRunner().invoke(main, ["equilibrium", str(model)])
     assert done.exit_code == 0, done.output
     lines = [line for line in done.output.splitlines() if line.startswith("standing tyres")]
-    assert len(lines) == scrubs
-    if scrubs:
+    assert len(lines) == (across > 0)
+    if across > 0:
         side = {word[0]: float(word[2]) for line in done.output.splitlines() if len(word := line.split()) == 4 and word[1] == "Fy"}
         (found,) = re.findall(r"the largest (\S+) N at (\S+):", lines[0])
         assert found[1] in side
         assert float(found[0]) == pytest.approx(side[found[1]], rel=1e-3)
         assert abs(side[found[1]]) == max(map(abs, side.values())) > 100
+
+
+def _height_without_friction() -> float:
+    """Height of the chassis above a level road that pushes its wheels upwards alone: balance of the car and of one arm about its hinge."""
+
+    def unbalanced(unknown: tuple[float, float]) -> tuple[float, float]:
+        sunk, angle = unknown
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        hinge, top = np.array([0.3, 0.35 - sunk]), np.array([0.55, 0.7 - sunk])
+        foot, centre, down = hinge + turn @ [0.25, -0.05], hinge + turn @ [0.45, -0.05], turn @ [0, -1]
+        loaded = -centre[1] / down[1]
+        load, spring = 2e5 * (0.31 - loaded), top - foot
+        push = -30000 * (0.55 / np.hypot(*spring) - 1) * spring
+        moments = ((foot, push - [0, 15 * 9.81]), (centre, np.array([0, -15 * 9.81])), (centre + loaded * down, np.array([0, load])))
+        return 4 * load - 1220 * 9.81, sum((at - hinge)[0] * force[1] - (at - hinge)[1] * force[0] for at, force in moments)
+
+    return 0.55 - float(fsolve(unbalanced, (0.05, 0.1), xtol=1e-13)[0])
+
+
+def test_a_standing_car_has_the_height_of_one_without_friction() -> None:
+    """Whatever the way from the drawn position, along which its swing axles scrub; all drawn positions have this rest."""
+    model = read_model_text(_car("[0, 0, -9.81]"), "m.yaml")
+    found = find_scene_equilibrium(model, find_scene(model, None)).values
+    assert found["chassis.z"] == pytest.approx(_height_without_friction(), abs=1e-9)
+    assert max(abs(value) for name, value in found.items() if name.endswith((".Fx", ".Fy"))) < 1e-5
+
+
+@pytest.mark.parametrize("given", ["", ", positions: {moves.x: 0, moves.y: 0}"], ids=["", "place given"])
+def test_tyres_of_a_car_on_a_slope_hold_its_share_of_the_weight(given: str) -> None:
+    """A slope of 5 % by gravity, with brakes on: equal shares, nothing across, no forces at the given place."""
+    model = read_model_text(_car("[-0.49, 0, -9.79]", "kind: prismatic, axis: z", given, " brake: 2000,"), "m.yaml")
+    state = find_scene_equilibrium(model, find_scene(model, None))
+    along = [state.values[f"{corner}.w.rolling.contact.Fx"] for corner in ("fl", "fr", "rl", "rr")]
+    assert sum(along) == pytest.approx(1220 * 0.49, rel=1e-8)
+    assert max(along) - min(along) < 0.01 * max(along)
+    assert max(abs(value) for name, value in state.values.items() if name.endswith(".Fy")) < 1e-5
+    assert not state.locking_forces

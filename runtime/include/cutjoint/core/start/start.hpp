@@ -124,8 +124,34 @@ class Starter {
 
   /// The equilibrium near the given pose: Newton's method on vdot(q) = 0 with finite differences and least-norm steps, since directions
   /// without stiffness (a car's x, y and yaw) are free. A prescribed coordinate stays, by a force along it if necessary.
-  /// A fault names what still accelerates.
+  /// States that stick, whose rates are zero at rest whatever they are, then balance little. A fault names what still accelerates.
   Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
+    const StateOf<M> begun = state;
+    const Fault fault = find_rest(state, prescribed);
+    if (fault || n_ == sizes_.joint_speeds()) return fault;
+    const bool loaded = std::exchange(has_reactions_, false);
+    if (!settle(state, prescribed, begun) && (has_reactions_ = loaded)) settle(state, prescribed, begun);
+    return {};
+  }
+
+  /// Accelerations, multipliers and `forces` along prescribed coordinates in a pose that `equilibrate` has found.
+  void find_reactions(StateOf<M>& state, const SpeedFlags<M>& prescribed, Speeds<M>& forces) {
+    accelerate(state, Real(0));
+    if (has_reactions_) reactions_.find_reactions(state, prescribed, forces.data());
+  }
+  bool has_reactions() const { return has_reactions_; }
+
+  /// The Jacobian of the constraints with respect to velocities, (equations, speeds), by columns; `begin_step` has been called for the state's time.
+  const Real* jacobian(const StateOf<M>& state) {
+    find_jacobian(state, SpeedFlags<M>(n_));
+    for (std::size_t j = 0; j < n_; ++j)
+      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] /= nominal(j);
+    return matrix_.data();
+  }
+
+ private:
+  /// An equilibrium with any values of states that stick.
+  Fault find_rest(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     const StateOf<M> begun = state;
     has_reactions_ = false;
     Fault fault = find_equilibrium(state, prescribed);
@@ -134,6 +160,10 @@ class Starter {
     if constexpr (!Weighable<M>)
       if (holds) return fault ? fault : not_at_rest_in(state);
     if (holds) {
+      state = begun;
+      sticks_ = n_ > sizes_.joint_speeds();
+      const bool is_held = sticks_ && !find_equilibrium(state, prescribed);
+      if (sticks_ = false; is_held) return {};
       has_reactions_ = true;
       state = begun;
       fault = find_equilibrium(state, prescribed);
@@ -156,22 +186,37 @@ class Starter {
     return fault;
   }
 
-  /// Accelerations, multipliers and `forces` along prescribed coordinates in a pose that `equilibrate` has found.
-  void find_reactions(StateOf<M>& state, const SpeedFlags<M>& prescribed, Speeds<M>& forces) {
-    accelerate(state, Real(0));
-    if (has_reactions_) reactions_.find_reactions(state, prescribed, forces.data());
+  /// From an equilibrium to one nearby: first with the states that stick as they begin, which is the frictionless rest or the pose with the least
+  /// accelerations, then with the least of these states that balances the others; false if there is none.
+  bool settle(StateOf<M>& state, const SpeedFlags<M>& prescribed, const StateOf<M>& begun) {
+    const StateOf<M> found = state;
+    const std::size_t rows = n_ + loop_rows_, joints = sizes_.joint_speeds();
+    Real length = arm();
+    sticks_ = true;
+    std::fill(displacement_.begin(), displacement_.end(), Real(0));
+    for (int iteration = 0; iteration < 40 && length > Real(1e-8) * arm(); ++iteration) {
+      find_stiffness(state, prescribed);
+      for (std::size_t i = joints; i < n_; ++i) {
+        bool stays = true;
+        for (std::size_t j = 0; j < n_; ++j) stays = stays && std::abs(matrix_[j * rows + i]) <= Real(1e-3);
+        if (stays) state.v[i] = begun.v[i], length = Real(0), std::fill_n(matrix_.data() + i * rows, rows, Real(0));
+      }
+      if (length > Real(0)) break;  // nothing sticks
+      accelerate(state, Real(0));
+      rest_residual(state, prescribed, right_.data());
+      least_norm(rows, right_.data(), Real(1e-5));  // nothing weaker than springs: it would turn a car across a slope
+      length = largest(step_);
+      const Real fraction = part_of_step(0.1);
+      move(state, step_.data(), -fraction);
+      for (std::size_t i = 0; i < n_; ++i) displacement_[i] -= fraction * step_[i];
+    }
+    const bool rests = length <= Real(1e-8) * arm() && iterate_to_rest(state, prescribed) <= rest_tolerance();
+    sticks_ = false;
+    if (rests && size_of(displacement_.data(), joints) < arm() / 2) return true;
+    state = found;
+    return false;
   }
-  bool has_reactions() const { return has_reactions_; }
 
-  /// The Jacobian of the constraints with respect to velocities, (equations, speeds), by columns; `begin_step` has been called for the state's time.
-  const Real* jacobian(const StateOf<M>& state) {
-    find_jacobian(state, SpeedFlags<M>(n_));
-    for (std::size_t j = 0; j < n_; ++j)
-      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] /= nominal(j);
-    return matrix_.data();
-  }
-
- private:
   /// Move prescribed coordinates of the probe by a fraction of their displacement from the design position.
   void interpolate_prescribed(const StateOf<M>& given, Real share, const SpeedFlags<M>& prescribed) {
     using std::sqrt;
@@ -261,7 +306,7 @@ class Starter {
 
   /// Accelerations at rest that are not prescribed, then loop violations times (10 1/s)^2 for an arm of 1 m. `same_pose`: the state has the pose of the last call.
   void rest_residual(const StateOf<M>& state, const SpeedFlags<M>& prescribed, Real* a, bool same_pose = false) {
-    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] && !has_reactions_ ? Real(0) : state.vdot[i];
+    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] && !has_reactions_ && !sticks_ ? Real(0) : state.vdot[i];
     if (has_reactions_) reactions_.constrain(state, prescribed, a, same_pose);
     for (std::size_t i = 0; i < n_; ++i) a[i] /= nominal(i);
     if (loop_rows_ > 0) find_residual(state);
@@ -455,7 +500,7 @@ class Starter {
   Coordinates<M> from_;
   StateOf<M> probe_, other_;
   RestReactions<M> reactions_;
-  bool has_reactions_ = false;
+  bool has_reactions_ = false, sticks_ = false;  ///< whether forces hold prescribed coordinates, or states that stick do
   Real rounding_{0};  ///< of accelerations, by their derivatives
   Real difference_{1e-5};      ///< length of differences relative to the arm: shorter than the deflection of a stiff contact
   bool patient_ = false;  ///< whether the search continues while its residual does not fall
