@@ -188,7 +188,8 @@ def test_a_study_without_a_design_is_not_compiled(tmp_path: Path, monkeypatch: p
     [
         ({"frequency": "0.25 rad/s"}, ["'0.25 rad/s' counts angles; write Hz"]),
         ({"limits": {"pin.angle_rate": ["-0.5 Hz", "0.5 rad/s"]}}, ["Hz leaves open whether"]),
-        ({"inputs": {"push": ["1 N", "2 N"]}}, ["its present value 0 is not between its bounds 1 and 2; change one of them"]),
+        ({"inputs": {"push": ["1 N", "2 N"]}}, ["its present value 0 is not between its bounds 1 and 2 N; change one of them"]),
+        ({"inputs": {"push": ["2 N", "1 N"]}}, ["its bounds 2 and 1 N enclose nothing"]),
         ({"inputs": {"push": ["1 foo", "2 N"]}}, ["unknown unit 'foo'"]),
         ({"inputs": {"pusch": [0, 1]}, "frequency": "1 kg"}, ["'pusch' is no input of the model", "needs"]),
     ],
@@ -205,6 +206,24 @@ def test_what_is_wrong_with_a_design_is_said_once(tmp_path: Path, change: dict[s
     assert len(lines) == len(words)
     for line, part in zip(sorted(lines), sorted(words), strict=True):
         assert part in line
+
+
+def test_a_design_needs_a_column_of_times(tmp_path: Path) -> None:
+    """Rows that are counted have no times that could be written."""
+    study = _study(tmp_path)
+    study["experiments"]["slow"] |= {"time": "", "time_unit": "ms"}
+    with pytest.raises(cutjoint.ModelError, match="experiment 'slow' has no column of times; write its time"):
+        read_fit(study)
+
+
+def test_a_present_value_at_its_bound_may_be_rounded(tmp_path: Path) -> None:
+    study = _study(tmp_path)
+    file = tmp_path / "slow.csv"
+    file.write_text(file.read_text().replace("\n0.000000000000000000e+00,0.000000000000000000e+00,", "\n0,-1e-17,", 1))
+    study["design"]["inputs"]["push"] = ["0 N", "2 N"]
+    design = read_fit(study).design
+    assert design is not None
+    assert design.inputs["push"][1] == -1e-17
 
 
 @pytest.mark.parametrize(("parameters", "present"), [({}, 3.5), ({"lift": {"start": 5}}, 5.5)])
@@ -228,6 +247,23 @@ bodies: {arm: {mass: 2, centre_of_mass: [0.3, 0, 0], inertia: [0.04, 0.05, 0.05]
 joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}}
 forces: {friction: {kind: joint_force, joint: pin, law: -viscous*rate - dry*tanh(rate/0.1)}}
 """
+
+
+def test_a_path_has_the_unit_of_its_motion(tmp_path: Path) -> None:
+    """Columns in degrees: the path goes back in degrees."""
+    (tmp_path / "arm.yaml").write_text(_ARM)
+    t = np.arange(0, 4, 0.02)
+    angle, rate = np.rad2deg(0.3 * np.sin(0.5 * t)), np.rad2deg(0.15 * np.cos(0.5 * t))
+    np.savetxt(tmp_path / "arm.csv", np.column_stack([t, angle, rate]), delimiter=",")
+    moved, signals = {"column": 2, "rate": 3, "unit": "deg"}, {"pin.drive": {"column": 2}}
+    design = read_fit({
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "parameters": {"viscous": {}},
+        "experiments": {"a": {"data": str(tmp_path / "arm.csv"), "time": 1, "motion": {"pin": moved}, "signals": signals}},
+        "design": {"experiment": "a", "inputs": {"pin": ["-80 deg", "80 deg"]}},
+    }).design  # fmt: skip
+    assert design is not None
+    _, _, low, high, factor = design.inputs["pin"]
+    assert (low / factor, high / factor) == pytest.approx((-80, 80), rel=1e-12)
 
 
 @pytest.mark.heavy

@@ -260,20 +260,24 @@ class _Reading:
         return experiment
 
     def _design(self, asked: parts.Design, of: Experiment, limits: list[Signal], motion: Mapping[str, Any]) -> Design:
-        known, found = {p.name: p for p in input_parameters(of.model)} | dict(motion), {}
+        known, found, part = {p.name: p for p in input_parameters(of.model)} | dict(motion), {}, self.document.experiments[of.name]
+        if not part.time:
+            self._fail(("design", "experiment"), f"experiment '{of.name}' has no column of times", "write its time")
         values = {variable("t"): 0.0} | {p.symbol: self.starts.get(p.name, p.value) for p in of.model.parameters}
         for name, bounds in asked.inputs.items():
             keys: Keys = ("design", "inputs", name)
             if name not in known:
                 self._fail(keys, f"'{name}' is no input of the model, and no joint under motion", nearest(name, known, "it has"))
                 continue
-            own, driven = known[name], self.document.experiments[of.name].inputs.get(name, parts.Driven())
+            own, section = known[name], "motion" if name in motion else "inputs"
+            unit = getattr(getattr(part, section).get(name), "unit", None)
             law = evaluate(of.scene.inputs.get(own.name, own.symbol), values)
             table: Any = of.inputs.get(own.name) or {"t": [0.0], "value": [law]}
             start, (low, high) = float(np.interp(0.0, table["t"], table["value"])), self._within(bounds, keys, own.unit)
-            if low < high and not low <= start <= high:
-                self._fail(keys, f"its present value {start:g} is not between its bounds {low:g} and {high:g}", "change one of them")
-            found[name] = own.name, start, low, high, self._factor(driven.unit, ("experiments", of.name, "inputs", name, "unit"), None)
+            if low < high and abs(start - (low + high) / 2) > (0.5 + 1e-9) * (high - low):
+                said = f"its present value {start:g} is not between its bounds {low:g} and {high:g} {own.unit}".rstrip()
+                self._fail(keys, said, "change one of them")
+            found[name] = own.name, start, low, high, self._factor(unit, ("experiments", of.name, section, name, "unit"), None)
         frequency = 0.0 if asked.frequency is None else self._number(asked.frequency, ("design", "frequency"), None, "Hz")
         bounded = [(s, *self._within(asked.limits[s.text], ("design", "limits", s.text), s.unit)) for s in limits]
         return Design(experiment=of, inputs=found, limits=bounded, frequency=frequency, harmonics=asked.harmonics, runs=asked.runs)
@@ -281,7 +285,7 @@ class _Reading:
     def _within(self, bounds: Sequence[Any], keys: Keys, unit: str) -> tuple[float, float]:
         low, high = (self._number(value, (*keys, i), None, unit) for i, value in enumerate(bounds))
         if low >= high:
-            self._fail(keys, f"its bounds {low:g} and {high:g} enclose nothing", "write the smaller one first")
+            self._fail(keys, f"its bounds {low:g} and {high:g}{unit and f' {unit}'} enclose nothing", "write the smaller one first")
         return low, high
 
     def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
