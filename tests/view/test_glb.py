@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from cutjoint.view.ghost import _copied
 from cutjoint.view.glb import GlbError, read_glb
 from tests.view.files import Array
 from tests.view.lever import CORNERS, FACES, glb
@@ -68,6 +69,14 @@ def test_rows_without_a_view_are_zero() -> None:
 def test_extents_do_not_matter() -> None:
     for extents in ({"max": None}, {"min": [], "max": "none"}):
         np.testing.assert_allclose(triangles(described(extents)), CORNERS[np.array(FACES)])
+
+
+@pytest.mark.parametrize("extent", [{}, "", None, ["0"], [True]])
+def test_extents_of_a_ghost_are_lists_of_numbers(extent: Any) -> None:
+    """What the script of a page would read."""
+    assert _copied(described({"min": [0, 0.0, 0]}))
+    with pytest.raises((TypeError, ValueError)):
+        _copied(described({"min": extent}))
 
 
 @pytest.mark.parametrize(("kind", "type_", "largest"), [(5120, "<i1", 127), (5121, "<u1", 255), (5122, "<i2", 32767), (5123, "<u2", 65535)])

@@ -70,7 +70,7 @@ def _copied(content: bytes) -> bytes:
     glb = read_glb(content)
     for i, accessor in enumerate(glb.document.accessors):  # normals and those of other scenes too
         glb.numbers(i, accessor.type)
-        if not all(type(extent) in (int, float) for extent in (*accessor.min, *accessor.max)):
+        if not all(isinstance(extent, list) and {*map(type, extent)} <= {int, float} for extent in (accessor.min, accessor.max)):
             raise ValueError
     sum(1 for _ in glb.triangles())  # reads all of them
     for animation in glb.document.animations:
