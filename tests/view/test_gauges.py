@@ -20,8 +20,8 @@ _VEHICLES = {
 }  # fmt: skip
 
 
-def _page(xs: list[float], y: float) -> str:
-    """The two functions of the page of a drive with a stand-in for the rest of it: 45 kN on each wheel."""
+def _page(xs: list[float], y: float, loads: list[float]) -> str:
+    """The two functions of the page of a drive with a stand-in for the rest of it: these loads (kN) on the wheels of each axle."""
     folder = templates_folder() / "view"
     script, head = (folder / "page" / "drive.js").read_text(), (folder / "page.html.jinja").read_text()
     functions = [re.search(rf"^function {name}\(.*?^}}$", script, re.MULTILINE | re.DOTALL) for name in ("showDials", "layWheels")]
@@ -29,12 +29,12 @@ def _page(xs: list[float], y: float) -> str:
     assert len(texts) == 2
     svg = re.search(r'<svg id="wheels".*?></svg>', head)
     assert svg
-    of, sides, style = {"Fx": 0, "Fy": 1, "Fz": 2}, (1, -1) if y else (1,), (folder / "page.css").read_text()
-    wheels = [{"name": f"{x}{side}", "at": [x, side * y, 0], "of": of} for x in xs for side in sides]
+    sides, style, outputs = (1, -1) if y else (1,), (folder / "page.css").read_text(), [4e4, 0, *(1e3 * load for load in loads)]
+    wheels = [{"name": f"{x}{s}", "at": [x, s * y, 0], "of": {"Fx": 0, "Fy": 1, "Fz": 2 + i}} for i, x in enumerate(xs) for s in sides]
     return f"""<!doctype html><body data-ready="yes"><b id="fast"></b><i id="gear"></i>{svg[0]}<style>{style}</style>
     <script>
     const RPM = 1, by = (id) => document.getElementById(id), drive = {{ wheels: {json.dumps(wheels)} }};
-    const run = {{ sim: {{ outputs: [4e4, 0, 4.5e4] }}, core: {{ outputs: [] }} }};
+    const run = {{ sim: {{ outputs: {json.dumps(outputs)} }}, core: {{ outputs: [] }} }};
     const shape = (parent, kind, attributes, text) => {{
       const made = document.createElementNS('http://www.w3.org/2000/svg', kind);
       for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
@@ -49,10 +49,13 @@ def _page(xs: list[float], y: float) -> str:
     </script></body>"""
 
 
-@pytest.mark.parametrize("vehicle", list(_VEHICLES))
-def test_circles_of_axles_stand_apart_and_numbers_are_whole(browser: Page, tmp_path: Path, vehicle: str) -> None:
+@pytest.mark.parametrize(("vehicle", "loads"), [
+    *((name, [45.0] * len(xs)) for name, xs in _VEHICLES.items()), ("truck", [60.0, 35.0, 35.0]), ("crane", [45.0, 90.0, 70.0, 20.0]),
+    ("car", [45.0, 2.0]),
+])  # fmt: skip
+def test_circles_of_axles_stand_apart_and_numbers_are_whole(browser: Page, tmp_path: Path, vehicle: str, loads: list[float]) -> None:
     page = tmp_path / "gauges.html"
-    page.write_text(_page(_VEHICLES[vehicle], 0.0 if vehicle == "motorcycle" else 1.0), encoding="utf-8")
+    page.write_text(_page(_VEHICLES[vehicle], 0.0 if vehicle == "motorcycle" else 1.0, loads), encoding="utf-8")
     browser.open(page)
     circles = browser.run("[...document.querySelectorAll('#wheels circle:not(.dot)')].map((c) => c.getBoundingClientRect().toJSON())")
     for i, one in enumerate(circles):
@@ -61,7 +64,7 @@ def test_circles_of_axles_stand_apart_and_numbers_are_whole(browser: Page, tmp_p
             assert (apart[0] ** 2 + apart[1] ** 2) ** 0.5 > 0.98 * (one["width"] + other["width"]) / 2, vehicle
     frame = browser.run("document.getElementById('wheels').getBoundingClientRect().toJSON()")
     texts = browser.run("[...document.querySelectorAll('#wheels text')].map((t) => t.getBoundingClientRect().toJSON())")
-    assert browser.run("document.querySelector('#wheels text').textContent") == "45.0"
+    assert browser.run("document.querySelector('#wheels text').textContent") == f"{loads[0]:.1f}"
     for text in texts:
         assert frame["left"] <= text["left"], vehicle
         assert text["right"] <= frame["right"], vehicle

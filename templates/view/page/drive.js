@@ -273,9 +273,9 @@ function showDials(speed) {
   const loads = drive.wheels.map(({ of }) => value(of.Fz));
   run.usual ??= loads.reduce((sum, load) => sum + load, 0) / loads.length;
   drive.wheels.forEach(({ of }, i) => {
-    const [circle, line, dot, text] = run.wheels[i], most = loads[i] * (of.road_friction === undefined ? 1 : value(of.road_friction)), [size, scale] = [run.gauge, run.gauge / run.usual];
+    const [circle, line, dot, text] = run.wheels[i], most = loads[i] * (of.road_friction === undefined ? 1 : value(of.road_friction)), [size, scale] = [run.gauge, Math.min(run.gauge / run.usual, run.widest / Math.max(most, 1e-9))];
     const [x, y] = [-value(of.Fy), -value(of.Fx)].map((force) => Math.min(Math.max(scale * force, -1.75 * size), 1.75 * size));
-    circle.setAttribute('r', Math.min(Math.max(scale * most, 0), 1.6 * size));
+    circle.setAttribute('r', Math.max(scale * most, 0));
     for (const [element, names] of [[line, ['x2', 'y2']], [dot, ['cx', 'cy']]]) names.forEach((name, k) => element.setAttribute(name, [x, y][k]));
     circle.parentNode.classList.toggle('slides', Math.hypot(value(of.Fx), value(of.Fy)) > 0.95 * most && most > 0);
     text.textContent = (loads[i] / 1000).toFixed(1);
@@ -285,7 +285,7 @@ function showDials(speed) {
 /** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
   const [xs, ys] = [0, 1].map((axis) => drive.wheels.map(({ at }) => at[axis]).sort((a, b) => a - b)), middle = (ys[0] + ys.at(-1)) / 2;
-  const axles = xs.filter((x, i) => i === 0 || x - xs[i - 1] > 0.5), across = Math.max(ys.at(-1) - middle, 1e-9), last = axles.length - 1; run.gauge = Math.min(17, 28 / Math.max(last, 1));
+  const axles = xs.filter((x, i) => i === 0 || x - xs[i - 1] > 0.5), across = Math.max(ys.at(-1) - middle, 1e-9), last = axles.length - 1; [run.gauge, run.widest] = [[17, 28], [27, 29]].map(([most, all]) => Math.min(most, all / Math.max(last, 1)));
   run.wheels = drive.wheels.map(({ at, name }) => {
     const group = shape(by('wheels'), 'g', { transform: `translate(${88 - 34 * (at[1] - middle) / across} ${58 + 30 * (last ? 1 - 2 * axles.findLastIndex((x) => x <= at[0]) / last : 0)})` });
     shape(group, 'title', {}, `${name}: load in kN, the circle of its friction, its force`);
