@@ -12,7 +12,8 @@ _S = control.tf("s")
 #: A motor whose gain is 1 far above its pole, integrators that cross 1 far below their poles, a washout, masses, and two lags.
 _LOOPS = [
     1000 / (_S + 1), 1 / (0.32 * _S), 5e-4 / (_S * (_S + 3) * (_S + 50)), 1e6 / ((_S + 3) * (_S + 50) * (_S + 9)), 1e3 * _S / (_S + 1),
-    1 / _S**2, 1e-3 * (_S + 1) / _S**2, 0.5 / (_S + 1), 300 / ((_S + 1) * (_S**2 + 2 * _S + 400)),
+    1 / _S**2, 1e-3 * (_S + 1) / _S**2, 0.5 / (_S + 1), (1e4 * _S + 1e6) / (_S + 1)**2,
+    0.01 * (_S + 0.01) / (_S * (_S + 1)), 300 / ((_S + 1) * (_S**2 + 2 * _S + 400)),
 ]  # fmt: skip
 
 
@@ -54,6 +55,32 @@ def test_a_sampled_loop_has_its_peak_at_0() -> None:
     plant = _state_space(np.array([[-1.0]]), np.array([[0.0, 1.0]]), np.array([[1.0], [-0.5]]), np.array([[0.0, 0.0], [0.5, 0.0]]))
     loop = SampledStateSpace(plant=plant, samplers=(Sampler(every=0.01, offset=0.0, number=1),), held=np.zeros(1))
     assert loop.peak("y0", "u0") == (pytest.approx(1 / 3, rel=1e-9), 0.0)
+
+
+def test_crossings_on_a_node_are_found() -> None:
+    """Of three equal poles with a gain margin of 0.4 at 1 Hz, and of 2 pi/s, whose gain is 1 at 1 Hz."""
+    nodes = np.geomspace(0.1, 10.0, 401)
+    a = 2 * np.pi / 3**0.5
+    found = _model(20 * a**3 / (_S + a) ** 3).margins("y0", "u0", nodes)
+    assert (found.gain, found.gain_at) == (pytest.approx(0.4, rel=1e-9), pytest.approx(1.0, rel=1e-9))
+    found = _model(2 * np.pi / _S).margins("y0", "u0", nodes)
+    assert (found.phase, found.phase_at) == (pytest.approx(90.0, rel=1e-9), pytest.approx(1.0, rel=1e-9))
+
+
+def test_a_sampled_cart_has_its_peak_near_0() -> None:
+    """x'' = u + c, c = -4 x - 4 v sampled at 20 ms: the plant alone has no gain at 0, the loop 1/4."""
+    A, B, C = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([[1.0, 0.0], [-4.0, -4.0]])
+    plant = _state_space(A, B, C, np.zeros((2, 2)))
+    loop = SampledStateSpace(plant=plant, samplers=(Sampler(every=0.02, offset=0.0, number=1),), held=np.zeros(1))
+    peak = loop.peak("y0", "u0")
+    assert peak.gain == pytest.approx(0.25, rel=1e-4)
+    assert peak.at < 2e-3
+    assert loop.bandwidth("y0", "u0") == pytest.approx(0.2064, rel=1e-2)
+
+
+def test_double_zeros_stay() -> None:
+    found = _model((_S + 1) ** 2 / ((_S + 2) * (_S + 3) * (_S + 5) * (_S + 7))).zeros("y0", "u0")
+    assert found == pytest.approx(-np.ones(2), abs=1e-7)
 
 
 def test_a_coordinate_that_only_rounding_couples_spoils_no_other_number() -> None:

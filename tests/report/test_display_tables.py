@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,8 @@ def test_random_vibration() -> None:
     )  # fmt: skip
     shown = in_display_units(found, ["kN", "mm"])
     assert shown.densities == pytest.approx(np.array([[4.0, 9.0]]))
+    twice = in_display_units(replace(found, outputs=("tyre.force", "tyre.force")), ["kN"])
+    assert twice.rms == pytest.approx(np.array([2.0, 0.003]))
     console = Console(width=120, record=True)
     console.print(vibration_table(shown, "road", "Wk"))
     rows = [line.split() for line in console.export_text().splitlines()]

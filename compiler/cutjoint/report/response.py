@@ -84,7 +84,7 @@ def _number(value: float) -> str:
 def in_display_units(found: RandomVibration, display: Sequence[str]) -> RandomVibration:
     """Random vibration in the units for display of its outputs."""
     scales, units = in_units(dict.fromkeys(found.outputs, 1.0), {n: found.units.get(n, "") for n in found.outputs}, display)
-    by = np.array(list(scales.values()))
+    by = np.array([scales[n] for n in found.outputs])
     return replace(found, densities=found.densities * by**2, rms=found.rms * by, white=found.white * by, weighted=found.weighted * by,
         units=units)  # fmt: skip
 

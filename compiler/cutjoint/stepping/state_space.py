@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 from math import gcd, lcm
 from typing import Any, NamedTuple, TypeAlias
 
@@ -143,16 +144,20 @@ class LinearModel:
         def values(by: float) -> ComplexArray:
             return np.array([(z**order * (row @ np.linalg.solve(z * np.eye(n) - A, column) + D))[0, 0] for z in found + by * ways])
 
-        ways = np.maximum(np.abs(found), least)  # towards a zero gains fall, not so towards infinite ones and those that poles cancel
+        # towards a zero gains fall, not so towards infinite ones and those that poles cancel; no round number, which could meet a pole
+        ways = 1.1**0.5 * np.maximum(np.abs(found), least)
         for _ in range(5):  # Newton's iteration: eigenvalues are accurate to the norm of the pencil
             with np.errstate(divide="ignore", invalid="ignore"):
                 steps = 1e-7 * ways - 1e-6 * ways * values(1e-7) / (values(1.1e-6) - values(1e-7))
+            last, gains = found, np.abs(values(1e-12))
             found = np.where(np.abs(steps) < 1e-2 * ways, found + steps, found)
+            found = np.where(np.abs(values(1e-12)) < 10 * gains, found, last)  # the secant is biased at double zeros
         kept = np.abs(values(1e-6)) < 1e-3 * np.abs(values(1e-2))
         return np.sort_complex(np.where(np.abs(found) < 1e-6 * least, 0.0, found)[kept].astype(np.complex128))
 
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
-        """Largest gain from an input to an output, by default over a range from 0 that covers the poles: the H-infinity norm if stable."""
+        """Largest gain from an input to an output, by default over a range from 0 that covers the poles: that of a stable
+        model is its H-infinity norm if gains fall towards infinite frequencies."""
         nodes = self._usual if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
         grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
@@ -180,15 +185,15 @@ class LinearModel:
     def margins(self, output: str, input: str, frequencies: Array | None = None) -> Margins:
         """Gain and phase margin of the loop that feeds an output back to an input with the factor -1, by default at any frequency."""
         gain, margins = self._gain(output, input), Margins(np.inf, np.nan, np.inf, np.nan)
-        grid = self._towards_unity(gain) if frequencies is None else np.asarray(frequencies)
+        grid = np.asarray(frequencies if frequencies is not None else self._towards_unity(gain, self.zeros(output, input)))
         values = gain(grid)
         values = np.where(np.abs(values.imag) > _ROUNDING * np.abs(values), values, values.real)
 
         def crossings(of: Callable[[ComplexArray], Array]) -> list[float]:
             signs = np.sign(of(values))
-            solve = need("scipy.optimize").brentq
-            return [float(solve(lambda f: float(of(gain(np.array([f])))[0]), grid[i], grid[i + 1], xtol=1e-14 * grid[i + 1], rtol=1e-14))
-                    for i in np.flatnonzero(signs[1:] * signs[:-1] < 0)]  # fmt: skip
+            at, solve = np.flatnonzero(signs), need("scipy.optimize").brentq  # a crossing can lie on a node
+            return [float(solve(lambda f: float(of(gain(np.array([f])))[0]), grid[i], grid[k], xtol=1e-14 * grid[k], rtol=1e-14))
+                    for i, k in pairwise(at) if signs[i] * signs[k] < 0]  # fmt: skip
 
         for f in crossings(lambda g: np.asarray(g.imag)):
             value = complex(gain(np.array([f]))[0])
@@ -202,18 +207,22 @@ class LinearModel:
 
     @property
     def _usual(self) -> Array:
-        """The default range of frequencies (Hz), from 0 on if no pole is there."""
-        sizes = np.abs(self.rates[np.isfinite(self.rates)])
-        return np.append([] if (sizes <= _NOUGHT * sizes.max(initial=0.0)).any() else [0.0], self.frequencies())
+        """The default range of frequencies (Hz), from 0 on if no pole is there; from nearly 0 on if a pole of a sampled plant alone is."""
+        grid, (own, held) = self.frequencies(), (np.abs(of[np.isfinite(of)]) for of in (self.rates, getattr(self, "plant", self).poles))
+        at_zero = [bool((sizes <= _NOUGHT * sizes.max(initial=0.0)).any()) for sizes in (own, held)]
+        return np.append([] if at_zero[0] else [0.1 * grid[0] if at_zero[1] else 0.0], grid)
 
-    def _towards_unity(self, gain: Callable[[Array], ComplexArray]) -> Array:
-        """The default range of frequencies (Hz), extended by the asymptotes at its ends to where they have a gain of 1."""
-        grid = self.frequencies()
+    def _towards_unity(self, gain: Callable[[Array], ComplexArray], zeros: ComplexArray) -> Array:
+        """The default range of frequencies (Hz) with that of zeros, extended by the asymptotes at its ends to a gain of 1."""
+        grid, sizes = self.frequencies(), np.abs(zeros[(zeros != 0.0) & (self._dt is None)]) / (2 * np.pi)
+        grid = np.union1d(grid, np.geomspace(sizes.min() / 10, 10 * sizes.max(), 200)) if len(sizes) else grid
         for end, inner, margin in ((0, 1, 0.5), *(((-1, -2, 2.0),) if self._dt is None else ())):
-            last, before = np.log(np.maximum(np.abs(gain(grid[[end, inner]])), 1e-300))
-            slope = (last - before) / np.log(grid[end] / grid[inner])
-            way = -last / slope if abs(slope) > 0.5 else 0.0
-            if way * (margin - 1.0) > 0.0:
+            for _ in range(8):  # zeros and small poles beyond an end change the slope there
+                last, before = np.log(np.maximum(np.abs(gain(grid[[end, inner]])), 1e-300))
+                slope = (last - before) / np.log(grid[end] / grid[inner])
+                way = -last / slope if abs(slope) > 0.5 else 0.0
+                if not way * (margin - 1.0) > 0.0:
+                    break
                 grid = np.union1d(grid, np.geomspace(grid[end], grid[end] * margin * np.exp(np.clip(way, -30.0, 30.0)), 60))
         return grid
 
