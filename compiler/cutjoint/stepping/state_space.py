@@ -156,8 +156,10 @@ class LinearModel:
         return np.sort_complex(np.where(np.abs(found) < 1e-6 * least, 0.0, found)[kept].astype(np.complex128))
 
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
-        """Largest gain from an input to an output, by default over a range from 0 that covers the poles: that of a stable
-        model is its H-infinity norm if gains fall towards infinite frequencies."""
+        """Largest gain from an input to an output, by default over a range from 0 that covers the poles.
+
+        It is the H-infinity norm of a stable model whose gain falls towards infinite frequencies.
+        """
         nodes = self._usual if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
         grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
@@ -207,13 +209,13 @@ class LinearModel:
 
     @property
     def _usual(self) -> Array:
-        """The default range of frequencies (Hz), from 0 on if no pole is there; from nearly 0 on if a pole of a sampled plant alone is."""
+        """The default range of frequencies (Hz), from 0 on if no pole is there, from nearly 0 on if only a sampled plant has one."""
         grid, (own, held) = self.frequencies(), (np.abs(of[np.isfinite(of)]) for of in (self.rates, getattr(self, "plant", self).poles))
         at_zero = [bool((sizes <= _NOUGHT * sizes.max(initial=0.0)).any()) for sizes in (own, held)]
         return np.append([] if at_zero[0] else [0.1 * grid[0] if at_zero[1] else 0.0], grid)
 
     def _towards_unity(self, gain: Callable[[Array], ComplexArray], zeros: ComplexArray) -> Array:
-        """The default range of frequencies (Hz) with that of zeros, extended by the asymptotes at its ends to a gain of 1."""
+        """The default range of frequencies (Hz) with that of zeros, extended by asymptotes to a gain of 1."""
         grid, sizes = self.frequencies(), np.abs(zeros[(zeros != 0.0) & (self._dt is None)]) / (2 * np.pi)
         grid = np.union1d(grid, np.geomspace(sizes.min() / 10, 10 * sizes.max(), 200)) if len(sizes) else grid
         for end, inner, margin in ((0, 1, 0.5), *(((-1, -2, 2.0),) if self._dt is None else ())):
