@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -171,17 +172,76 @@ def test_derivatives_by_elimination_are_those_of_adjoints() -> None:
                 assert both[0] == pytest.approx(both[1], rel=1e-13, abs=1e-15)
 
 
-@pytest.mark.parametrize("exponent", [None, 0.75])
-def test_a_function_of_a_sum_of_squares_has_no_derivative_at_zero(exponent: float | None) -> None:
-    """There a root is infinitely steep, and its argument changes with nothing."""
+#: Functions of x, y and a weight k with infinitely steep roots of squares; with their derivatives by all three at 3, 4, 2.
+_LENGTHS: dict[str, tuple[str, Callable[..., Any]]] = {
+    "length": ("sqrt", lambda g, xx, yy, k: g.add(xx, yy)),
+    "power": ("pow", lambda g, xx, yy, k: g.add(xx, yy)),
+    "weighed": ("sqrt", lambda g, xx, yy, k: g.add(xx, g.mul(g.const(2.0), yy))),
+    "power of weighed": ("pow", lambda g, xx, yy, k: g.add(g.mul(g.const(0.2), xx), yy)),
+    "a third": ("sqrt", lambda g, xx, yy, k: g.div(g.add(xx, yy), g.const(3.0))),
+    "by a parameter": ("sqrt", lambda g, xx, yy, k: g.add(xx, g.mul(k, yy))),
+    "over a parameter": ("sqrt", lambda g, xx, yy, k: g.div(g.add(xx, yy), k)),
+    "all by a parameter": ("sqrt", lambda g, xx, yy, k: g.mul(g.add(xx, yy), k)),
+    "root of a root": ("sqrt", lambda g, xx, yy, k: g.mul(g.const(3.0), g.call("sqrt", (g.add(xx, yy),)))),
+}
+
+
+def _length(name: str) -> tuple[Graph, list[int], int]:
     graph = Graph()
-    x = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(2)]
-    squares = graph.add(*(graph.mul(n, n) for n in x))
-    length = graph.call("sqrt", (squares,)) if exponent is None else graph.call("pow", (squares, graph.const(exponent)))
-    found = derivatives(graph, [graph.sub(length, x[0])], x)[0]
-    for at, size in (([0.0, 0.0], 0.0), ([3.0, 4.0], 2 * (exponent or 0.5) * 25 ** ((exponent or 0.5) - 1))):
-        known = interpret_scalars(graph, list(found.values()), {"x": np.array(at)}, {})
-        assert [known[found[n]] for n in x] == pytest.approx([size * at[0] - 1, size * at[1]], rel=1e-14)
+    x, y, k = (graph.symbol("x", i, BindingTime.ITERATION) for i in range(3))
+    function, inner = _LENGTHS[name]
+    squares = inner(graph, graph.mul(x, x), graph.mul(y, y), k)
+    return graph, [x, y, k], graph.call(function, (squares,) if function == "sqrt" else (squares, graph.const(0.75)))
+
+
+def _gradients(graph: Graph, f: int, by: list[int], at: list[float]) -> list[list[float]]:
+    """By elimination and by adjoints."""
+    both = derivatives(graph, [f], by)[0], adjoint(graph, {f: graph.const(1.0)}, by)
+    known = interpret_scalars(graph, [n for found in both for n in found.values()], {"x": np.array(at)}, {})
+    return [[float(known[found[n]]) if n in found else 0.0 for n in by] for found in both]
+
+
+@pytest.mark.parametrize("name", _LENGTHS)
+def test_a_function_of_a_sum_of_squares_has_no_derivative_at_zero(name: str) -> None:
+    """There a root is infinitely steep, and its argument changes with nothing; elsewhere derivatives are those of differences."""
+    graph, by, length = _length(name)
+    f = graph.sub(length, by[0])
+    for found in _gradients(graph, f, by, [0.0, 0.0, 2.0]):
+        assert found == [-1.0, 0.0, 0.0]
+    at = np.array([3.0, 4.0, 2.0])
+    ends = [[interpret_scalars(graph, [f], {"x": at + way * 1e-3 * axis}, {})[f] for way in (-2, -1, 1, 2)] for axis in np.eye(3)]
+    wanted = [(a - 8 * b + 8 * c - d) / 12e-3 for a, b, c, d in ends]
+    for found in _gradients(graph, f, by, list(at)):
+        assert found == pytest.approx(wanted, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["by a parameter", "all by a parameter"])
+def test_a_weight_of_zero_has_an_infinite_derivative(name: str) -> None:
+    """Where the squares are not zero but the root is, which guards that see the weighed sum would take for zero."""
+    graph, by, length = _length(name)
+    for found in _gradients(graph, length, by, [0.0, 4.0, 0.0]):
+        assert not np.isfinite(found[2])
+
+
+def test_products_of_equal_factors_are_squares_in_any_order() -> None:
+    graph = Graph()
+    x, y, k = by = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(3)]
+    f = graph.call("sqrt", (graph.add(graph.mul(graph.mul(k, x), x), graph.mul(graph.mul(graph.const(2.0), y), y)),))
+    assert _gradients(graph, f, by, [0.0, 0.0, 2.0]) == [[0.0] * 3] * 2
+
+
+def test_lanes_of_lengths_have_no_derivatives_at_zero() -> None:
+    """Of which one is zero; weights by lane leave none out, and a sum with other terms is no sum of squares."""
+    graph = Graph()
+    by = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(4)]
+    first, second = graph.gather((by[0], by[1])), graph.gather((by[2], by[3]))
+    squares = graph.add(graph.mul(first, first), graph.mul(graph.lane_const([2.0, 3.0]), graph.mul(second, second)))
+    f = graph.lane_sum(graph.call("sqrt", (squares,)))
+    for found in _gradients(graph, f, by, [0.0, 1.0, 0.0, 4.0]):
+        assert found == pytest.approx([0.0, 1 / 7, 0.0, 12 / 7], rel=1e-14)
+    other = graph.call("sqrt", (graph.add(graph.mul(by[0], by[0]), by[1]),))
+    for found in _gradients(graph, other, by, [0.0] * 4):
+        assert not np.isfinite(found[1])
 
 
 @pytest.mark.parametrize(("model", "scene", "loops"), [

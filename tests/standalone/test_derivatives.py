@@ -193,7 +193,7 @@ def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
 
 
 def test_where_functions_are_infinitely_steep_what_stays_has_no_derivative() -> None:
-    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "pushed").reset().linearise()
+    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + 4*rate**2)"), "pushed").reset().linearise()
     assert near.A.tolist() == [[0, 1], [-1.5, 0]]
 
 

@@ -256,19 +256,25 @@ scenes: {run: {end: 1, output_step: 0.1}}
 
 def test_a_state_that_follows_a_prescribed_motion() -> None:
     """Nothing moves freely, so that the state's rate alone is a residual of forces."""
-    sim = loaded(FILTER, "filtered").reset(dt=0.1)
+    model = read_model_text(FILTER, "filtered.yaml")
+    sim = load_scene(model, find_scene(model, None), integrator="trapezoidal", adjoint=True).reset(dt=0.1)
     step = sim.step_derivatives()
     assert step.by_state == pytest.approx(np.array([[(1 - 0.1) / (1 + 0.1)]]), rel=1e-12)
     by_k = 0.05 * np.sin(0.3) / 1.1 - 0.05 * (0.1 * np.sin(0.3) / 1.1) / 1.1
     assert step.by_parameter == pytest.approx(np.array([[by_k]]), rel=1e-11)
     assert sim.linearise().A[0, 0] == pytest.approx(-2, rel=1e-12)
+    back = sim.reset(dt=0.1).adjoint_sensitivities(1, ["level.value"], ["k"], "end", every=1)
+    assert back.derivatives == pytest.approx(np.array([[by_k]]), rel=1e-11)
 
 
-def test_a_motion_that_is_wholly_prescribed_has_no_states() -> None:
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
+def test_a_motion_that_is_wholly_prescribed_has_no_states(integrator: str) -> None:
     text = "".join(line for line in FILTER.splitlines(keepends=True) if not line.startswith("states")).replace("level.value", "wheel.z")
-    sim = loaded(text, "prescribed").reset(dt=0.1)
+    model = read_model_text(text, "prescribed.yaml")
+    sim = load_scene(model, find_scene(model, None), integrator=integrator, adjoint=True).reset(dt=0.1)
     assert sim.step_derivatives().by_state.shape == (0, 0)
     assert sim.linearise().A.shape == (0, 0)
+    assert sim.adjoint_sensitivities(1, ["wheel.z"], [], "end").derivatives.shape == (1, 0)
 
 
 def test_a_model_without_derivatives_is_reported() -> None:

@@ -41,6 +41,7 @@ class _Scalars:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._known: dict[int, _Scalar] = {}
+        self._squares: dict[int, int | None] = {}
 
     def of(self, n: int, depth: int = 1) -> _Scalar:
         """A node, with its arguments where they are asked for."""
@@ -72,6 +73,31 @@ class _Scalars:
 
     def call(self, function: str, *args: _Scalar, table: str | None = None) -> _Scalar:
         return self.of(call_scalar(self._graph, function, tuple(a.number for a in args), table), 0)
+
+    def squares(self, n: int, depth: int = 99) -> int | None:
+        """The squares in a sum, or in a root of one: where they are zero its derivatives are, also times an infinite one.
+        Weights that may be zero elsewhere are left out. None if there are other terms."""
+        if n not in self._squares:
+            self._squares[n] = self._find_squares(n, depth) if depth else None
+        return self._squares[n]
+
+    def _find_squares(self, n: int, depth: int) -> int | None:
+        graph, node = self._graph, self._graph.nodes[n]
+        if node.op not in ("add", "mul", "div", "sqrt", "pow"):
+            return None
+        for a, b in (node.args, node.args[::-1]) if node.op == "mul" else ():
+            if a == b or (graph.nodes[a].op == "mul" and b in graph.nodes[a].args):
+                return graph.mul(b, b)
+        parts = [self.squares(a, depth - 1) for a in node.args]
+        match node.op:
+            case "add":
+                found = graph.add(parts[0], parts[1]) if parts[0] and parts[1] else None
+            case "mul":
+                factors = [p or a for a, p in zip(node.args, parts, strict=True) if p or graph.value(a)]
+                found = reduce(graph.mul, factors) if any(parts) else None
+            case _:
+                found = parts[0]
+        return found if found and graph.nodes[found].lanes == node.lanes else None
 
 
 @dataclass
@@ -174,6 +200,12 @@ def _products(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Seque
             by_above = _chosen(graph, derivative, lambda x: graph.div(x, node.args[1]), graph.nodes[node.args[1]].lanes)
             by_above = graph.div(derivative, node.args[1]) if by_above is None else by_above
             return by_above, graph.neg(_times(graph, by_above, n))
+        case "sqrt" | "pow" if (squares := scalars.squares(node.args[0])) is not None:
+            moves = graph.call("lt", (graph.const(0.0), squares))
+            if node.op == "sqrt":
+                return (_times(graph, derivative, graph.div(graph.const(0.5), graph.call("where", (moves, n, graph.const(1.0))))),)
+            shares = (_times(graph, derivative, p.number) for p in partial_derivatives(scalars, scalars.of(n)))
+            return [graph.call("where", (moves, share, graph.const(0.0))) for share in shares]
     return [_times(graph, derivative, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
 
 
@@ -391,16 +423,4 @@ def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple
             yield node.args[0], (_ALL, None), one
             return
     for a, share in zip(node.args, _products(graph, scalars, n, one), strict=True):
-        if node.op in ("sqrt", "pow") and _is_sum_of_squares(graph, node.args[0]):
-            moves = graph.call("lt", (graph.const(0.0), node.args[0]))
-            root = graph.call("where", (moves, n, one))
-            share = graph.div(graph.const(0.5), root) if node.op == "sqrt" else graph.call("where", (moves, share, graph.const(0.0)))
         yield a, (_ALL if graph.nodes[a].lanes else None, end), share
-
-
-def _is_sum_of_squares(graph: Graph, n: int) -> bool:
-    """Return whether a scalar is a sum of squares: where it is zero its derivatives are zero, also times an infinite one."""
-    node = graph.nodes[n]
-    if node.op == "add":
-        return all(_is_sum_of_squares(graph, a) for a in node.args)
-    return node.op == "mul" and node.args[0] == node.args[1]

@@ -130,7 +130,7 @@ class ResidualJacobian {
       Numbers by_time;
       plain_.begin_step(x.t, 1.0);
       plain_.residual_by_time(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_time.data());
-      for (std::size_t i = 0; i < n + m; ++i) rows[at[i]].derivative -= by_time[i] * dt;
+      for (std::size_t i = 0; i < n + m; ++i) rows[at[i]].derivative -= along(by_time[i], dt);
     }
   }
 

@@ -8,9 +8,8 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` with the formulas of its integrator over dual numbers, from the consistent state at a substep's beginning to that at its end.
-///
-/// Iterations for multipliers and projections continue until derivatives converge too: they are those of the converged solution.
+/// `Derivatives` of a `Simulation` from the consistent state at a substep's beginning to that at its end: its integrator's formulas over dual numbers,
+/// with those of accelerations, multipliers and projections by the linearised force residual, as of the converged solution.
 ///
 /// The event's time t solves g(x(t), t, p) = level for the interpolant x(t) of the last step.  Hence
 ///
