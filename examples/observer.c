@@ -13,8 +13,9 @@ static double feed_back(const double* q, const double* v, double goal) {
   return (force < -most) ? -most : force;
 }
 
-/* Move the estimate by the gain of the filter times the error. */
+/* Move the estimate by the gain of the filter times the error, unless only a broken encoder can explain it. */
 static int correct(sway_sim* model, double error) {
+  const double most = 0.5; /* m, far more than the filter is ever wrong */
   double q[SWAY_COORDINATES];
   double v[SWAY_SPEEDS];
   int i;
@@ -22,7 +23,7 @@ static int correct(sway_sim* model, double error) {
     q[i] = sway_coordinates(model)[i] + (gain[i] * error);
     v[i] = sway_speeds(model)[i] + (gain[SWAY_COORDINATES + i] * error);
   }
-  return sway_set_state(model, sway_time(model), q, v);
+  return ((error > -most) && (error < most)) ? sway_set_state(model, sway_time(model), q, v) : SWAY_NOT_FINITE;
 }
 
 int observer_start(observer* self) { return sway_start(sway_create(&self->model, sizeof(self->model))); }

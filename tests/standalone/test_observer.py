@@ -154,7 +154,7 @@ WRONG = """
 #include "observer.h"
 static observer controller;
 int main(void) {
-  static const double far[] = {1e200, -1e100, 1e308};
+  static const double far[] = {1e200, -1e100, 1e308, 1e6, -0.6};
   double push = 1.0, after;
   int i, status = observer_sample(&controller, 0.0, 1.0, true, &push);
   printf("%d %g ", status, push);
@@ -166,7 +166,7 @@ int main(void) {
   after = sway_time(&controller.model);
   status = observer_sample(&controller, 0.0, 1.0, true, &push);
   printf("%d %g %g %g ", status, push, after, sway_time(&controller.model));
-  for (i = 0; i < 3; ++i) {
+  for (i = 0; i < 5; ++i) {
     const observer before = controller;
     status = observer_sample(&controller, far[i], 1.0, true, &push);
     printf("%d %g %d ", status, push, memcmp(&before, &controller, sizeof before));
@@ -181,10 +181,10 @@ int main(void) {
 def test_calls_in_a_wrong_order_and_a_broken_encoder_give_no_force_and_keep_the_estimate(place: Path) -> None:
     (place / "wrong.c").write_text(WRONG, encoding="utf-8")
     (line,) = output(place, place / "wrong.c")
-    before, far, after = line.split()[:9], line.split()[9:18], line.split()[18:]
+    before, far, after = line.split()[:9], line.split()[9:24], line.split()[24:]
     assert before == f"-3 0 0 -4 0 0 {own_gains()[1][0]:g} 0 0.02".split()
     assert "0" not in far[::3]
-    assert far[1::3] == far[2::3] == ["0"] * 3  # no force, and the estimate is kept
+    assert far[1::3] == far[2::3] == ["0"] * 5  # no force, and the estimate is kept
     assert after == ["0", "0.04"]
 
 
