@@ -229,3 +229,38 @@ def test_tyres_of_a_car_on_a_slope_hold_its_share_of_the_weight(given: str) -> N
     assert max(along) - min(along) < 0.01 * max(along)
     assert max(abs(value) for name, value in state.values.items() if name.endswith(".Fy")) < 1e-5
     assert not state.locking_forces
+
+
+_HELD = """\
+bodies: {arm: {mass: 1, centre_of_mass: [0, 0, -0.5]}}
+joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}
+forces: {dry: {kind: joint_friction, joint: pin, coefficient: 1, radius: 20 mm, preload: 500, carried: false}}
+scenes: {rest: {end: 1, positions: {pin.angle: {angle}}, near: {near}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("angle", "near", "bounds"),
+    [(0.3, "[pin.angle]", (0.0, 0.0)), (0.8, "[pin.angle]", (0.5, 0.8)), (0.3, "[]", (0.3, 0.3)), (0.8, "[]", (0.8, 0.8))],
+    ids=["guessed within 0.5 rad", "guessed beyond 0.5 rad", "given within 0.5 rad", "given beyond 0.5 rad"],
+)
+def test_friction_holds_a_pendulum_where_it_is_given_or_far_from_0(angle: float, near: str, bounds: tuple[float, float]) -> None:
+    model = read_model_text(_HEAD.replace("{g}", "-9.81") + _HELD.replace("{angle}", str(angle)).replace("{near}", near), "m.yaml")
+    state = find_scene_equilibrium(model, find_scene(model, None))
+    pitch = state.values["arm.pitch"]
+    assert bounds[0] - 1e-8 <= pitch <= bounds[1] + 1e-8
+    assert state.values["dry.force"] == pytest.approx(9.81 * 0.5 * np.sin(pitch), abs=1e-6)
+    assert not state.locking_forces
+
+
+def test_the_order_of_states_does_not_change_the_rest() -> None:
+    """The rate of the one depends on the other, which sticks: the one does not."""
+    states = ["turned: {start: 0, rate: pin.angle_rate}", "wound: {start: 0, rate: turned}"]
+    angles = []
+    for order in (states, states[::-1]):
+        text = _INTEGRAL.replace("counted: {start: 0.3, rate: pin.angle_rate{leak}}", ", ".join(order))
+        text += "forces: {spring: {kind: joint_force, joint: pin, law: 3*wound + 0.9}}\n"
+        model = read_model_text(_HEAD.replace("{g}", "-9.81") + text, "m.yaml")
+        angles.append(find_scene_equilibrium(model, find_scene(model, None)).values["arm.pitch"])
+    assert angles[0] == pytest.approx(angles[1], abs=1e-9)
+    assert angles[0] > 0.01

@@ -124,7 +124,7 @@ class Starter {
 
   /// The equilibrium near the given pose: Newton's method on vdot(q) = 0 with finite differences and least-norm steps, since directions
   /// without stiffness (a car's x, y and yaw) are free. A prescribed coordinate stays, by a force along it if necessary.
-  /// States that stick, whose rates are zero at rest whatever they are, then balance little. A fault names what still accelerates.
+  /// States that stick, whose rates are nearly zero at rest whatever they are, then balance little. A fault names what still accelerates.
   Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     const StateOf<M> begun = state;
     const Fault fault = find_rest(state, prescribed);
@@ -187,7 +187,8 @@ class Starter {
   }
 
   /// From an equilibrium to one nearby: first with the states that stick as they begin, which is the frictionless rest or the pose with the least
-  /// accelerations, then with the least of these states that balances the others; false if there is none.
+  /// accelerations, then with the least of these states that balances the others; false if there is none. A state sticks if no derivative of its
+  /// rate exceeds 1e-3 1/s: a tyre at its limit creeps. One with a time constant above 1000 s counts too; the last steps bring it to its own rest.
   bool settle(StateOf<M>& state, const SpeedFlags<M>& prescribed, const StateOf<M>& begun) {
     const StateOf<M> found = state;
     const std::size_t rows = n_ + loop_rows_, joints = sizes_.joint_speeds();
@@ -197,10 +198,12 @@ class Starter {
     for (int iteration = 0; iteration < 40 && length > Real(1e-8) * arm(); ++iteration) {
       find_stiffness(state, prescribed);
       for (std::size_t i = joints; i < n_; ++i) {
-        bool stays = true;
-        for (std::size_t j = 0; j < n_; ++j) stays = stays && std::abs(matrix_[j * rows + i]) <= Real(1e-3);
-        if (stays) state.v[i] = begun.v[i], length = Real(0), std::fill_n(matrix_.data() + i * rows, rows, Real(0));
+        right_[i] = Real(1);
+        for (std::size_t j = 0; j < n_; ++j)
+          if (!(std::abs(matrix_[j * rows + i]) <= Real(1e-3))) right_[i] = Real(0);
       }
+      for (std::size_t i = joints; i < n_; ++i)
+        if (right_[i] == Real(1)) state.v[i] = begun.v[i], length = Real(0), std::fill_n(matrix_.data() + i * rows, rows, Real(0));
       if (length > Real(0)) break;  // nothing sticks
       accelerate(state, Real(0));
       rest_residual(state, prescribed, right_.data());
