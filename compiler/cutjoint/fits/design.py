@@ -54,7 +54,7 @@ class _Designer:
         start, low, high, _ = np.array([numbers for _, *numbers in asked.inputs.values()]).T[:, :, np.newaxis]
         self.middle, self.half = (low + high) / 2, (high - low) / 2
         self.phase = np.arcsin(np.clip((start - self.middle) / self.half, -1, 1))
-        self.tables, self.kept = dict(e.inputs), (b"", (np.zeros((0, 0)), np.zeros(0)))
+        self.tables, self.kept = dict(e.inputs), dict[bytes, tuple[Array, Array]]()
         limits = (replace(s, times=self.t, values=np.zeros(len(self.t))) for s, *_ in asked.limits)
         e = replace(e, inputs=self.tables, signals=(*e.signals, *limits))
         self.runs = Runs(replace(study, experiments=(e,)), note)
@@ -71,7 +71,7 @@ class _Designer:
         for point in np.random.default_rng(0).normal(size=(_TRIES, self.phase.size * len(self.basis))):
             for shorter in point / 2.0 ** np.arange(_HALVINGS)[:, np.newaxis]:
                 jacobian, excess = self.run(shorter)
-                pool.append(np.asarray(np.linalg.qr(jacobian, mode="r")))
+                pool.append(jacobian)
                 if excess.max() <= -_MARGIN:
                     points.append(shorter)
                     break
@@ -109,12 +109,12 @@ class _Designer:
             weak=tuple(weak), open=combine(directions[is_open], names))  # fmt: skip
 
     def run(self, x: Array) -> tuple[Array, Array]:
-        """The derivatives of residuals by scaled parameters, and by how much limits are exceeded, as shares of their ranges.
+        """The triangular factor of residuals' derivatives by scaled parameters, and by how much limits are exceeded as shares of ranges.
         Behind these is 1 if the run failed, else -1."""
-        if x.tobytes() != self.kept[0]:
-            values = self.middle + self.half * np.sin(self.phase + x.reshape(len(self.phase), -1) @ self.basis)
-            for (name, *_), value in zip(self.asked.inputs.values(), values, strict=True):
-                self.tables[name] = {"t": self.t, "value": value, "interpolation": self.tables.get(name, {}).get("interpolation", "linear")}
+        values = self.middle + self.half * np.sin(self.phase + x.reshape(len(self.phase), -1) @ self.basis)
+        for (name, *_), value in zip(self.asked.inputs.values(), values, strict=True):
+            self.tables[name] = {"t": self.t, "value": value, "interpolation": self.tables.get(name, {}).get("interpolation", "linear")}
+        if (place := np.round(x, 12).tobytes()) not in self.kept:  # COBYQA asks again for the limits of all places of its model
             try:
                 found = self.runs.predict(self.solver.start)
             except CutjointError as error:
@@ -125,5 +125,5 @@ class _Designer:
                 jacobian = np.vstack([p.derivatives / s for p, s in zip(found, self.noise, strict=False)]) * self.solver.sizes
                 limited = zip(found[len(self.noise) :], self.asked.limits, strict=True)
                 excess = [x / (high - low) for p, (_, low, high) in limited for x in (low - p.values.min(), p.values.max() - high)] + [-1.0]
-            self.kept = x.tobytes(), (jacobian, np.array(excess))
-        return self.kept[1]
+            self.kept[place] = np.asarray(np.linalg.qr(jacobian, mode="r")), np.array(excess)
+        return self.kept[place]
