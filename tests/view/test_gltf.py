@@ -153,6 +153,26 @@ def test_what_does_not_move_has_no_track() -> None:
     assert len(gltf.document["accessors"]) == 5, "the mesh stands there once"
 
 
+def test_a_tube_that_two_joints_hold_at_its_centre_is_no_disc() -> None:
+    """The barrel of a hydraulic cylinder, whose pin and slide are at one point, is a ball of three bars' radius, and no disc of seven."""
+    body = "{mass: 1, centre_of_mass: [%d, 0, 0], inertia: [1, 1, 1]}"
+    model = read_model_text(
+        f"cutjoint: 1\nname: cylinder\ngravity: [0, 0, 0]\nbodies: {{tube: {body % 0}, rod: {body % 1}}}\njoints:\n"
+        "  pin: {kind: revolute, bodies: [ground, tube], at: [0, 0, 0], axis: z}\n"
+        "  slide: {kind: prismatic, bodies: [tube, rod], at: [0, 0, 0], axis: x}\nscenes: {still: {end: 1}}\n", "cylinder.yaml",
+    )  # fmt: skip
+    shown = show_start(model, model.scenes["still"], {})
+    (tube,) = (node for node in draw(_placed(shown, shown.poses, shown.t), shown.t).nodes if node.name == "tube")
+    turning = read_model_text(
+        f"cutjoint: 1\nname: rotor\ngravity: [0, 0, 0]\nbodies: {{tube: {body % 0}, rod: {body % 1}}}\njoints:\n"
+        "  pin: {kind: revolute, bodies: [ground, tube], at: [0, 0, 0], axis: z}\n"
+        "  slide: {kind: prismatic, bodies: [ground, rod], at: [0, 0, 0], axis: x}\nscenes: {still: {end: 1}}\n", "rotor.yaml",
+    )  # fmt: skip
+    shown = show_start(turning, turning.scenes["still"], {})
+    (disc,) = (node for node in draw(_placed(shown, shown.poses, shown.t), shown.t).nodes if node.name == "tube")
+    assert np.abs(disc.parts[0].mesh.points).max() > 2 * np.abs(tube.parts[0].mesh.points).max()
+
+
 @pytest.mark.parametrize("shape", ["", ", shapes: [{cylinder: {radius: 0.2, length: 0.1}, at: [0, 0, 0], axis: [0, 0, 1], mass: 2}]"])
 def test_a_body_that_turns_about_its_axis_shows_it(shape: str) -> None:
     """No rotation by a part of a turn brings its points back to where points were."""

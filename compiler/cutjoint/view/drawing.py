@@ -79,8 +79,9 @@ class BodyParts:
         for point in held:
             if np.linalg.norm(point - centre) > r:
                 yield meshes.between(centre, point, r)
-        if len(held) == 1 and not is_massless and np.linalg.norm(held[0] - centre) <= r:  # a joint turns it there
-            turning = [j for j in self.model.joints if j.follower == body.name and j.kind in _TURNING and j.axes]
+        own = [j for j in self.model.joints if body.name in (j.base, j.follower)]
+        if len(held) == len(own) == 1 and not is_massless and np.linalg.norm(held[0] - centre) <= r:  # one joint alone turns it there
+            turning = [j for j in own if j.kind in _TURNING and j.axes]
             yield from (meshes.disc(7 * r, 2 * r).moved(rotation_to(point_of(self.numbers, j.axes[-1])), centre) for j in turning)
         yield meshes.sphere(1.6 * r if len(held) > 1 or is_massless else 3 * r).moved(np.eye(3), centre)
 
