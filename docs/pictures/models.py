@@ -67,7 +67,7 @@ def page_of(model: str, scene: str, size: tuple[int, int]) -> Iterator[Page]:
 
 def shoot(browser: Page, time: float) -> Image.Image:
     """What is shown at a time, in few colours."""
-    browser.run(f"cutjoint.run(false); cutjoint.setTime({time}); 1")
+    browser.run(f"cutjoint.play(false); cutjoint.setTime({time}); 1")
     with tempfile.NamedTemporaryFile(suffix=".png") as file:
         browser.picture(Path(file.name))
         return Image.open(file.name).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)

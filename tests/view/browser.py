@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+#: What tests ask of a page.
+HOOKS = Path(__file__).with_name("hooks.js").read_text(encoding="utf-8")
 #: Seconds for a page to do what it is asked for on a busy machine.
 PATIENCE = 120.0
 #: Seconds in which a damaged page says that it is, if it can.
@@ -48,6 +50,7 @@ class Page:
         while self.run("document.body?.dataset.ready ?? ''") != "yes":
             assert time.monotonic() < end, f"{file} is not ready: {self.complaints}"
             time.sleep(0.1)
+        self.run(HOOKS)
         self.settle()
 
     def try_to_open(self, file: Path) -> bool:

@@ -31,38 +31,10 @@ addEventListener('keydown', (e) => {
   if (e.key === 'ArrowRight' || e.key === 'ArrowLeft') setTime(t[Math.min(Math.max(row() + (e.key === 'ArrowRight' ? 1 : -1), 0), t.length - 1)]);
 });
 
-/** For tests and the console: what the page shows, and where. */
+/** For the console: the parts of the page. */
 window.cutjoint = {
-  setTime, choose, play,
-  /** The pixel of a body's centre of mass at a time, s. */
-  project(body, time) { if (!about.live && !about.drive) setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
-  /** The pixel of the mark around the failed element. */
-  mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
-  /** The pixel of a body's ghost. */
-  ghost(body, time) {
-    setTime(time);
-    scene.updateMatrixWorld();
-    let found;
-    ghost.scene.traverse((object) => { if (object.userData.body === body) found = object; });
-    return place(found).slice(0, 2);
-  },
-  /** Both ends of an arrow, in the scene's axes (y is up). */
-  arrow(name, time) {
-    setTime(time);
-    const node = arrows.find((a) => a.userData.arrow === name), at = node.localToWorld(new Vector3());
-    return { at: at.toArray(), along: node.localToWorld(new Vector3(0, 0, 1)).sub(at).normalize().toArray(), newton: node.scale.x * node.userData.newton };
-  },
-  /** Position and target of the camera in the scene's axes (y is up), its field of view in degrees, and the picture's size in pixels. */
-  eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
-  motion: chooseMotion, tab: showTab, select, plotted() { return plot?.data; }, table: tableText,
-  /** The points of a body's trace, in the scene's axes. */
-  path(body) { return pathOf(body).map((place) => place.toArray()); },
-  /** Moves a coordinate to a value as its slider does; returns all coordinates. */
-  slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
-  /** The number of poses received from a host. */
-  received() { return received; },
-  shown() { return { ...state, row: row() }; },
-  frames() { return renderer.info.render.frame; },
+  about, setTime, choose, play, chooseMotion, showTab, select, slide, place, pathOf, tableText, row, state, sliders, nodes, marks, arrows, ghost, scene, camera, orbit, picture, renderer, Vector3,
+  get plot() { return plot; }, get pose() { return pose; }, get received() { return received; },
 };
 
 const read = (id) => new GLTFLoader().parseAsync(bytes(id), '');

@@ -438,28 +438,6 @@ async function changeRoad(name, seed) {
   showDriven(true);
 }
 
-/** The recording of some steps with scripted keys, as fast as possible: for tests and the console. */
-const driven = {
-  /** Keys are [step, 'down' or 'up', code]. */
-  steps(count, keys = []) {
-    for (let i = 0; i < count && !run.fault; i++) {
-      for (const [at, how, code] of keys) if (at === run.step) run.keys[how === 'down' ? 'add' : 'delete'](code);
-      takeSteps(1);
-    }
-    showDriven(true);
-    return run.step;
-  },
-  road: changeRoad, continueDrive, ghost: raceGhost, store: storeDrive, kept: () => kept,
-  heights() { return Array.from(run.road.field?.heights ?? []); },
-  groundBelow() { return heightAt(run.sim.poses[0], run.sim.poses[1]); },
-  /** The position of a body's ghost, in the model's axes. */
-  rival(body) { return rival.figure.nodes.get(body).position.toArray(); },
-  rewind, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
-  shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, road: run.road?.name ?? '', ghost: rival.rows?.length ?? 0, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },
-  outputs() { return Array.from(run.sim.outputs); },
-  simulation() { return run.sim; },
-};
-
 async function showDrive() {
   document.body.classList.add('driving');
   document.body.classList.remove('still', 'bare');
@@ -480,7 +458,7 @@ async function showDrive() {
   layKeys();
   listen();
   findKept();
-  window.cutjoint.drive = driven;
+  window.cutjoint.drive = { run, rival, kept, takeSteps, showDriven, changeRoad, continueDrive, raceGhost, storeDrive, heightAt, rewind, resetDrive, driveTable, driveLog, chooseCamera };
   columns.push(...[...run.core.outputs, ...run.axes].map(({ name, unit }) => ({ name, unit, bodies: drive.of[name] ?? [], values: new Float32Array(1), decimals: 3 })));
   fill(by('column'), columns.map((c) => [c.name, c.name]), columns[0]?.name);
   by('choice').hidden = !columns.length;
