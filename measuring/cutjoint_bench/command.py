@@ -26,6 +26,10 @@ from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
 
 
+#: Runs that would take longer (s) are not begun: they are far from the frontier.
+MOST_SECONDS = 3.0
+
+
 def run_bench(
     *, models: Sequence[Path], scenes: Sequence[str], methods: Sequence[str], out: Path, end: float | None, row: float | None,
     steps: Sequence[float], repetitions: int, reference: str, limits: bool, drift: bool, atlas: bool, vary: str,
@@ -41,9 +45,9 @@ def run_bench(
     if vary and not atlas:
         raise RunError("--vary names what an atlas varies: add --atlas")
     plan = Plan(
-        cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses)),
+        cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses, watched=True)),
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
-        drift=drift, atlas=atlas, vary=vary,
+        drift=drift, atlas=atlas, vary=vary, most_seconds=MOST_SECONDS,
     )  # fmt: skip
     measurements, data_file, page_file = (out / name for name in ("measurements.jsonl", "bench.json", "bench.html"))
     require_apart(
@@ -91,7 +95,7 @@ def _seconds(text: str) -> list[float]:
 @click.command("bench")
 @click.argument("models", type=click.Path(exists=True, dir_okay=False, path_type=Path), nargs=-1, required=True)
 @click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise.")
-@click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
+@click.option("--methods", default="generated,integrators,functions,reduced,accuracy,auto,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
               help=f"Contenders, or groups of them: {', '.join(groups())}.")
 @click.option("--end", type=table.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
 @click.option("--row", type=table.Setting("output_step"), help="Seconds between rows that are compared.")
@@ -102,8 +106,10 @@ def _seconds(text: str) -> list[float]:
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
 @click.option("--limits/--no-limits", default=True, help="Visual for the largest step of each method.")
 @click.option("--drift", is_flag=True, help="Energy and momentum of mechanisms that keep them.")
-@click.option("--atlas", is_flag=True, help="Where each method fails, over step, penalty and number type.")
-@click.option("--vary", default="", metavar="NAME", help="A parameter that the atlas varies in place of the penalty.")
+@click.option("--atlas", is_flag=True, help="Where each method fails, over step, penalty and number type, and why.")
+@click.option("--vary", default="", metavar="NAME[=V,V]",
+              help="A parameter, such as a stiffness or a length, that the atlas varies in place of the penalty; its values in SI units, "
+              "else a hundredth to a hundred times its own.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("results/bench"), show_default=True,
               help="Folder of the report; an interrupted bench goes on there.")
 @table.OPTIONS["changes"]

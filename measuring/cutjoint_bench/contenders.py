@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.package.errors import RunError
+from cutjoint_bench.asked_contenders import asked_contenders
 from cutjoint_bench.cutjoint_contenders import cutjoint_contenders, precision_contenders
 from cutjoint_bench.peer_contenders import peer_contenders
 from cutjoint_bench.records import Contender
 from cutjoint_bench.reductions import reduced_contenders
 
-_ALL = (*cutjoint_contenders(), *reduced_contenders(), *precision_contenders(), *peer_contenders())
+_ALL = (*cutjoint_contenders(), *reduced_contenders(), *asked_contenders(), *precision_contenders(), *peer_contenders())
 
 CONTENDERS: Mapping[str, Contender] = {c.name: c for c in _ALL}
 

@@ -98,8 +98,13 @@ class AdaptiveRunner(OwnRunner):
 
 
 def tolerance_of(dt: float, own: float) -> float:
-    """The tolerance of adaptive steps that stands for a step size, beside a scene's own (s)."""
-    return min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2)
+    """The tolerance of adaptive steps that stands for a step size, beside a scene's own (s), to three digits."""
+    return float(f"{min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2):.3g}")
+
+
+def tolerated_steps(own: float) -> list[float]:
+    """The step sizes that stand for tolerances from 1e-2 to 1e-12, two a decade and 1e-6 among them."""
+    return [own * 10.0 ** ((6 - k / 2) / 5) for k in range(4, 25)]
 
 
 def cutjoint_contenders() -> Iterator[Contender]:
@@ -124,14 +129,14 @@ def cutjoint_contenders() -> Iterator[Contender]:
             yield Contender(
                 name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
                 prepare=partial(_reduced, method=method, integrator=integrator),
-                identify=partial(_identify_reduced, method=method, integrator=integrator),
+                identify=partial(_identify_reduced, method=method, integrator=integrator), adaptive=True,
             )  # fmt: skip
     adaptive = (("recursive", "dormand-prince"), ("recursive-newton", "radau5"))
     for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), *adaptive):
         name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
         for ending, events in (("", None), *([(", steps pass over events", Events.CROSSED)] if integrator != DEFAULT_INTEGRATOR else [])):
             yield _contender(
-                f"{name}/functions{'/crossed' if ending else ''}", f"{name.replace('/', ', ')}, loops as functions{ending}", "functions",
+                f"{name}/functions{'/crossed' if ending else ''}", f"{name.replace('/', ', ')}, embedded loops{ending}", "functions",
                 method=method, integrator=integrator, loops=Loops.EMBEDDED, events=events,
             )  # fmt: skip
     for method in METHODS:
@@ -141,6 +146,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
         yield Contender(
             name=f"{method}/generic", label=f"{method}, generic solver", group="generic", prepare=partial(_prepare_generic, method=method),
             identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
+            options=partial(command_options, method=method, implementation=Implementation.GENERIC.value),
         )  # fmt: skip
 
 
@@ -159,7 +165,37 @@ def precision_contenders() -> Iterator[Contender]:
 
 
 def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
-    return Contender(name=name, label=label, group=group, prepare=partial(_prepare, **how), identify=partial(identify_code, **how))
+    adaptive = INTEGRATORS[how.get("integrator", DEFAULT_INTEGRATOR)].adaptive
+    is_named = how.get("lanes", True) and how.get("solver") in (None, *ALL_SOLVERS)
+    options = partial(command_options, **how) if is_named else None
+    return Contender(
+        name=name, label=label, group=group, prepare=partial(_prepare, **how), identify=partial(identify_code, **how), options=options,
+        adaptive=adaptive,
+    )  # fmt: skip
+
+
+def command_options(
+    case: Case, dt: float, *, method: str, solver: str | None = None, precision: str = DEFAULT_PRECISION, tolerance: float | None = None,
+    integrator: str = DEFAULT_INTEGRATOR, events: Events | None = None, loops: str | None = None, implementation: str | None = None,
+    lanes: bool = True,
+) -> list[str]:  # fmt: skip
+    """The options of `cutjoint simulate` for a run of a contender at a step or at the tolerance that it stands for."""
+    assert lanes, "no option leaves lanes out"
+    steps: dict[str, object] = {"dt": dt}
+    if INTEGRATORS[integrator].adaptive:
+        steps, tolerance = {}, tolerance_of(dt, case.scene.numerics.of_method(method).step)
+    wanted: dict[str, object] = {
+        "method": method, "implementation": implementation, "integrator": integrator, "loops": loops, **steps,
+        "solver-tolerance": tolerance, "solver": solver, "precision": None if precision == DEFAULT_PRECISION else precision,
+        "events": _events(case, integrator, events),
+    }  # fmt: skip
+    return [word for name, value in wanted.items() if value is not None for word in (f"--{name}", f"{value}")] + ["--no-error"]
+
+
+def _events(case: Case, integrator: str, events: Events | None) -> Events | None:
+    """What a command line has to say of events: nothing where the integrator's own are meant, and the scene names none."""
+    usual = INTEGRATORS[integrator].events
+    return (events or usual) if case.scene.numerics.events or events not in (None, usual) else None
 
 
 def _prepare(

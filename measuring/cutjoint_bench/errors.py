@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import Evaluator
+from cutjoint_bench.cases import QUANTITIES
 from cutjoint_bench.records import Case, Errors
 from cutjoint_bench.reference import Reference
 
@@ -22,7 +23,10 @@ def measure_errors(case: Case, run: Trajectory, reference: Reference) -> Errors:
     mine, known = _common(run.t, reference.t)
     if not len(mine):
         return Errors()
-    bodies = [b.name for b in case.model.bodies if f"{b.name}.x" in run.columns]
+    bodies = [b.name for b in case.model.bodies if all(f"{b.name}.{q}" in c for q in QUANTITIES for c in (run.columns, reference.columns))]
+    watched = largest_difference(case, run, reference, mine, known)
+    if not bodies:
+        return Errors(outputs=watched, residual=run.statistics.residuals.position)
 
     def distances(names: str) -> Array:
         """Shape (bodies, rows)."""
@@ -35,8 +39,25 @@ def measure_errors(case: Case, run: Trajectory, reference: Reference) -> Errors:
     return Errors(
         position=float(places.max()), velocity=float(velocities.max()), mean_position=_mean(places), mean_velocity=_mean(velocities),
         energy=_energy_error(case, {n: c[mine] for n, c in run.columns.items()}, {n: c[known] for n, c in reference.columns.items()}),
-        residual=run.statistics.residuals.position,
+        residual=run.statistics.residuals.position, outputs=watched,
     )  # fmt: skip
+
+
+def largest_difference(case: Case, run: Trajectory, reference: Reference, mine: Indices, known: Indices) -> float:
+    """The largest error of the watched columns at common rows, m or rad; nan where there is none, or the run lacks one."""
+    if not case.watched or not case.watched.keys() <= run.columns.keys() & reference.columns.keys():
+        return nan
+    return max(size * float(np.abs(run[name][mine] - reference.columns[name][known]).max()) for name, size in case.watched.items())
+
+
+def exceeds_from(case: Case, run: Trajectory, reference: Reference, limit: float) -> float:
+    """The first time (s) at which a body is further than a limit (m) from where it should be; nan if none is."""
+    mine, known = _common(run.t, reference.t)
+    bodies = [b.name for b in case.model.bodies if all(f"{b.name}.{q}" in c for q in "xyz" for c in (run.columns, reference.columns))]
+    places = ([run[f"{body}.{q}"][mine] - reference.columns[f"{body}.{q}"][known] for q in "xyz"] for body in bodies)
+    beyond = [~(np.linalg.norm(differences, axis=0) <= limit) for differences in places]
+    rows = np.flatnonzero(np.any(beyond, axis=0)) if beyond else []
+    return float(run.t[mine][rows[0]]) if len(rows) else nan
 
 
 def _common(mine: Array, known: Array) -> tuple[Indices, Indices]:
@@ -65,7 +86,7 @@ def energies(case: Case, columns: Mapping[str, Array]) -> tuple[Array, Array]:
     gravity = [value(g) for g in case.model.gravity]
     kinetic = weight = np.zeros(len(next(iter(columns.values()))))
     for body in case.model.bodies:
-        if f"{body.name}.x" not in columns:
+        if not all(f"{body.name}.{q}" in columns for q in QUANTITIES):
             continue
         mass = value(body.mass)
         kinetic = kinetic + mass / 2 * sum(columns[f"{body.name}.{v}"] ** 2 for v in ("vx", "vy", "vz"))

@@ -10,6 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cutjoint.methods import INTEGRATORS, names_of
+from cutjoint_bench.cutjoint_contenders import tolerance_of
+from cutjoint_bench.export.peers import PEERS
+from cutjoint_bench.records import ASKED
+
 Line = Mapping[str, Any]
 
 #: Errors of position (m) at which contenders are compared.
@@ -23,6 +28,22 @@ _ALIKE = 0.3
 def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """The points of a line that reached the end."""
     return (p for p in line.get("points", ()) if not p["failure"] and p["seconds"])
+
+
+def describe_setting(line: Line, point: Mapping[str, Any]) -> str:
+    """The setting of a point in words: the accuracy that it was asked for, a tolerance where steps are adaptive, else the step."""
+    size = float(point["dt"])
+    if line["group"] in ASKED:
+        return f"accuracy {size:g}"
+    own = line.get("dt")
+    return f"tolerance {tolerance_of(size, own):.3g}" if own and is_adaptive(line) else f"step {1e3 * size:.6g} ms"
+
+
+def is_adaptive(line: Line) -> bool:
+    """True if the integrator of a line takes steps of its own."""
+    name, _, rest = line["contender"].partition("/")
+    known = PEERS[name].adaptive if name in PEERS else names_of(INTEGRATORS, lambda i: i.adaptive)
+    return any(part in known for part in rest.split("/"))
 
 
 def order(line: Line) -> float:

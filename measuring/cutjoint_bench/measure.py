@@ -8,6 +8,7 @@ from statistics import median, quantiles
 
 import numpy as np
 
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.trials import common_step, exact
 from cutjoint.run.simulator import SimulatorError
 from cutjoint_bench.errors import measure_errors
@@ -24,7 +25,7 @@ def measure_point(
     """
     try:
         first = runner(dt, measured=True)
-    except SimulatorError as error:
+    except (SimulatorError, RunError) as error:
         return Point(contender=name, dt=dt, failure=str(error), reached=0.0)
     point = Point(contender=name, dt=dt, steps=first.steps, iterations=first.statistics.iterations)
     if reference is not None:
@@ -79,7 +80,8 @@ def _converges(case: Case, runner: Runner, reference: Reference | None, dt: floa
 
 def extent(reference: Reference) -> float:
     """The largest distance in m of any body from where it starts."""
-    bodies = {c.rpartition(".")[0] for c in reference.columns}
+    names = {c.rpartition(".")[0] for c in reference.columns}
+    bodies = [name for name in names if all(f"{name}.{x}" in reference.columns for x in "xyz")]
     ways = (sum((reference.columns[f"{b}.{x}"] - reference.columns[f"{b}.{x}"][0]) ** 2 for x in "xyz") for b in sorted(bodies))
     return float(max(np.sqrt(way).max() for way in ways))
 

@@ -15,6 +15,7 @@ from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.cases import outputs_of_bodies
 from cutjoint_bench.cutjoint_contenders import tolerance_of
 from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, run_peer
@@ -69,7 +70,7 @@ def peer_contenders() -> Iterator[Contender]:
 
 
 def _prepare(case: Case, *, peer: Peer, integrator: str) -> PeerRunner:
-    export = peer.export(case.of_peers or case.model, case.scene, case.parameters, case.outputs)
+    export = peer.export(case.of_peers or case.model, case.scene, case.parameters, outputs_of_bodies(case.model))
     folder = TemporaryDirectory(prefix="cutjoint-peer-")
     write_files(Path(folder.name), export.files)
     return PeerRunner(

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from math import inf, nan
-from typing import Protocol
+from typing import Any, Protocol
 
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
+
+#: Groups of contenders that are given an accuracy.
+ASKED = ("accuracy", "auto")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +25,8 @@ class Case:
 
     The scene's ``output_step`` is the distance in s of the times at which runs are compared; ``parameters`` are changed ones, SI units.
     ``motion`` gives the exact columns over times (s), where they are known; ``of_peers`` is the model with the cut joints that suit other
-    simulators best, where these are others.
+    simulators best, where these are others.  ``watched`` are the scene's own outputs that are places or angles, with the sizes of their
+    units in SI, where their errors are asked for too; ``command`` begins a command line that simulates the case, "" if none does.
     """
 
     model: Model
@@ -31,6 +35,8 @@ class Case:
     parameters: Mapping[str, float] = field(default_factory=dict)
     motion: Callable[[Array], Mapping[str, Array]] | None = None
     of_peers: Model | None = None
+    watched: Mapping[str, float] = field(default_factory=dict)
+    command: str = ""
 
     @property
     def name(self) -> str:
@@ -51,6 +57,7 @@ class Errors:
 
     ``residual`` is the largest of the constraint equations in m (or rad), ``energy`` the largest difference in kinetic energy of
     translation and in potential energy of weight, relative to the largest value that the kinetic energy has in the reference.
+    ``outputs`` is the largest error of the case's watched columns, in m or rad.
     """
 
     position: float = nan
@@ -59,13 +66,14 @@ class Errors:
     mean_velocity: float = nan
     energy: float = nan
     residual: float = nan
+    outputs: float = nan
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
     """A contender at one step: ``seconds`` of each repetition, its errors, or why it failed.
 
-    ``reached`` is the time in s up to which it ran.
+    ``reached`` is the time in s up to which it ran.  ``about`` has further facts of one to which an accuracy was given.
     """
 
     contender: str
@@ -76,6 +84,7 @@ class Point:
     errors: Errors = Errors()
     failure: str = ""
     reached: float = inf
+    about: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Runner(Protocol):
@@ -100,8 +109,10 @@ class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
 
     ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "functions", "solvers", "generic",
-    "precision", "peer".  ``identify`` finds, without compiling, the part of the configuration by which stored results are known to be
-    of this version: digests of generated code and runtime, or a peer's version.
+    "precision", "peer", "accuracy", "auto".  ``identify`` finds, without compiling, the part of the configuration by which stored results
+    are known to be of this version: digests of generated code and runtime, or a peer's version.  ``options`` are those of
+    `cutjoint simulate` for a point, None or empty where it has none.  The points of one that is ``adaptive`` are tolerances, those of
+    groups in ``ASKED`` accuracies.
     """
 
     name: str
@@ -110,3 +121,10 @@ class Contender:
     prepare: Callable[[Case], Runner]
     identify: Callable[[Case], Mapping[str, str]]
     available: Callable[[], bool] = _always
+    options: Callable[[Case, float], Sequence[str]] | None = None
+    adaptive: bool = False
+
+    @property
+    def is_asked(self) -> bool:
+        """True if its points are accuracies (m, rad) that are asked for."""
+        return self.group in ASKED

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from math import isnan
+from statistics import median
 from typing import Any
 
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.settings import accuracy_of
+from cutjoint_bench.asked_contenders import AccuracyRunner, AutoRunner
 from cutjoint_bench.cases import falling_steps
-from cutjoint_bench.cutjoint_contenders import OwnRunner
+from cutjoint_bench.choices import Entry, find_choices
+from cutjoint_bench.cutjoint_contenders import OwnRunner, tolerated_steps
 from cutjoint_bench.drift import compile_for_drift, measure_drift
-from cutjoint_bench.failures.atlas import Grid, map_case, suggest_grid
+from cutjoint_bench.failures.atlas import Grid, map_case, suggest_grid, with_value
+from cutjoint_bench.failures.conditions import find_conditions
 from cutjoint_bench.failures.outcomes import identify
 from cutjoint_bench.failures.trials import Situation, try_situation
+from cutjoint_bench.findings import TARGETS, describe_setting
 from cutjoint_bench.fixed_point import predict_limit
 from cutjoint_bench.machine import machine
 from cutjoint_bench.measure import extent, largest_step, measure_point
@@ -70,7 +77,11 @@ def perform(plan: Plan, store: Store, say: Say = silently) -> dict[str, Any]:
 
 
 def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
-    return map_case(case, grid_of(plan, case), store, say, refer=atlas_reference(plan, say))
+    grid = grid_of(plan, case)
+    mapped = map_case(case, grid, store, say, refer=atlas_reference(plan, say))
+    say(f"{case.name}: modes and poses along the motion")
+    found = [find_conditions(with_value(case, grid.parameter, value)) for value in mapped["axes"]["value"]]
+    return {**mapped, "conditions": plain([asdict(conditions) for conditions in found])}
 
 
 def atlas_reference(plan: Plan, say: Say = silently) -> Callable[[Case], Reference]:
@@ -102,7 +113,8 @@ def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:
 
 def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
     reference = case_reference(plan, case, say)
-    lines = []
+    lines: list[Record] = []
+    runners: dict[str, Runner] = {}
     for i, contender in enumerate(plan.contenders):
         say(f"{case.name}: compiling {contender.label}", share=i / len(plan.contenders))
         try:
@@ -112,11 +124,37 @@ def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
         except (RunError, ModelError, ToolchainError) as error:
             lines.append({"contender": contender.name, "label": contender.label, "group": contender.group, "refused": str(error)})
             continue
+        runners[contender.name] = runner
         lines.append(_line(plan, case, contender, runner, reference, store, say))
     return {
+        **_choices(plan, case, lines, runners, store, say),
         "name": case.name, "title": plan.title, "model": case.model.name, "scene": case.scene.name, "end": case.scene.end,
         "row": case.scene.output_step, "extent": extent(reference) if reference else 1.0, "reference": _about(reference), "lines": lines,
     }  # fmt: skip
+
+
+def _choices(
+    plan: Plan, case: Case, lines: Sequence[Record], runners: Mapping[str, Runner], store: Store, say: Say
+) -> Record:  # fmt: skip
+    """The choices of a case for which a command line is known, its settings timed again in turns."""
+    if not case.command or plan.reference == "none":
+        return {}
+    known = {contender.name: contender for contender in plan.contenders}
+
+    def time_again(entries: Sequence[Entry]) -> Sequence[float]:
+        timed = [(entry.line["contender"], entry.point["dt"]) for entry in entries]
+        say(f"{case.name}: timing in turns {', '.join(dict.fromkeys(known[name].label for name, _ in timed))}")
+        of = [{**_identity(plan, case, known[name], runners[name]), "dt": dt} for name, dt in timed]
+        found = store.get({"in turns": of}, lambda: _in_turns([(runners[name], dt) for name, dt in timed], plan))
+        return [median(seconds) for seconds in found["seconds"]]
+
+    return {"choices": find_choices(lines, "outputs" if case.watched else "position", time_again), "watched": list(case.watched)}
+
+
+def _in_turns(wanted: Sequence[tuple[Runner, float]], plan: Plan) -> Record:
+    """Seconds of runs, round after round, so that other load meets all alike."""
+    rounds = [[runner(dt).seconds for runner, dt in wanted] for _ in range(plan.repetitions)]
+    return {"seconds": [list(column) for column in zip(*rounds, strict=True)]}
 
 
 def _about(reference: Reference | None) -> Record | None:
@@ -134,21 +172,30 @@ def _line(
     scene_step = _own_step(case, contender)
     identity = _identity(plan, case, contender, runner)
     points: list[Record] = []
+    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": scene_step,
+                    "configuration": dict(runner.configuration), "points": points}  # fmt: skip
     for dt in _steps(plan, case, contender, scene_step):
         if points and _predicted(points[-1], dt) > plan.most_seconds:
             break
-        say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
+        say(f"{case.name}: {contender.label}, {describe_setting(line, {'dt': dt})}")
         make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
-        points.append(store.get({**identity, "dt": dt}, make))
-    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": scene_step,
-                    "configuration": dict(runner.configuration), "points": points}  # fmt: skip
+        points.append({**store.get({**identity, "dt": dt}, make), **_command(case, contender, dt)})
     if has_limits(plan, contender):
         say(f"{case.name}: largest step of {contender.label}")
         line |= find_limits(plan, case, contender, runner, reference, store)
     return line
 
 
+def _command(case: Case, contender: Contender, dt: float) -> Record:
+    """The command line that makes a point's run, where there is one."""
+    options = contender.options(case, dt) if case.command and contender.options is not None else []
+    return {"command": f"{case.command} {shlex.join(options)}"} if options else {}
+
+
 def _own_step(case: Case, contender: Contender) -> float:
+    """The scene's step for the method, or its accuracy for a contender that is given one."""
+    if contender.is_asked:
+        return accuracy_of(case.scene)
     return case.scene.numerics.of_method(contender.name.partition("/")[0]).step
 
 
@@ -157,7 +204,7 @@ def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> R
     return {
         "case": case.name, "input": case.input_digest(contender.name.partition("/")[0]), "contender": contender.name,
         "configuration": dict(runner.configuration), "end": case.scene.end, "row": case.scene.output_step,
-        "repetitions": plan.repetitions, "reference": plan.reference,
+        "repetitions": plan.repetitions, "reference": plan.reference, **({"watched": sorted(case.watched)} if case.watched else {}),
     }  # fmt: skip
 
 
@@ -185,8 +232,12 @@ def _prediction(case: Case, artifact: Artifact) -> Record:
 
 
 def _steps(plan: Plan, case: Case, contender: Contender, scene_step: float) -> list[float]:
+    if contender.is_asked:
+        return list(TARGETS)
     if plan.steps:
         return list(plan.steps)
+    if contender.adaptive:
+        return tolerated_steps(scene_step)
     shortest = max(plan.shortest * scene_step, case.scene.end / MOST_STEPS)
     steps = falling_steps(case.scene.output_step, min(LONGEST * scene_step, case.scene.end / 8), shortest)
     paper = PAPER_STEPS.get(case.name, {}).get(contender.name.partition("/")[0])
@@ -197,7 +248,7 @@ def _point(
     case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int
 ) -> Record:  # fmt: skip
     record: Record = plain(asdict(measure_point(case, name, runner, dt, reference, repetitions)))
-    return record
+    return {**record, "about": plain(runner.about.get(dt, {}))} if isinstance(runner, AccuracyRunner | AutoRunner) else record
 
 
 def _predicted(last: Record, dt: float) -> float:

@@ -52,7 +52,7 @@ def test_the_answer_is_the_fastest_point(page: Page) -> None:
             assert answer.startswith("Nothing that is shown comes to")
             continue
         best = min(spots)
-        assert answer.startswith(f"Take {best.contender} with a step of {1e3 * best.dt:g} ms: {1e3 * best.seconds:g} ms for 1 s of motion")
+        assert answer.startswith(f"Take {best.contender}, step {1e3 * best.dt:g} ms: {1e3 * best.seconds:g} ms for 1 s of motion")
     page.picture(PICTURES / "explorer.png")
     require_silence(page)
 
@@ -63,7 +63,7 @@ def test_filters_leave_lines_out(page: Page) -> None:
     for value, left in (("reduced model", 2), ("peer", 1)):
         page.run(f"[...document.querySelectorAll('#filters input')].find((box) => box.value === '{value}').click()")
         assert page.run(count) == left
-    assert page.run("document.getElementById('answer').textContent").startswith("Take recursive with")
+    assert page.run("document.getElementById('answer').textContent").startswith("Take recursive, step")
     assert page.run("[...document.querySelectorAll('#legend li')].map((item) => item.textContent)") == ["recursive"]
 
 

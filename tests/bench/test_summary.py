@@ -47,7 +47,7 @@ def test_tables_come_from_the_summary_alone(tmp_path: Path, monkeypatch: pytest.
     assert "| clock/swing (swings) | recursive: 500 | recursive: 500 | recursive: " in said
     assert "| study | processor | system | measured with other code than this version's |\n| --- | --- | --- | --- |\n" in said
     assert "## swings: clock/swing, at equal errors" in said
-    assert "| recursive | 10 | 500 ± 0 | 1.0e-04 |" in said
+    assert "| recursive | step 10 ms | 500 ± 0 | 1.0e-04 |" in said
 
 
 def test_the_page_begins_with_the_question_and_ends_with_provenance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,10 +13,12 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.package.errors import RunError, ToolchainError
+from cutjoint.model.text import read_number
+from cutjoint.package.errors import CutjointError, RunError, ToolchainError
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.run_file import parameter_values
+from cutjoint.run.simulator import SimulatorError
 from cutjoint_bench.cutjoint_contenders import TOLERANCES, has_added, identity
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint_bench.progress import Say, silently
@@ -61,12 +63,15 @@ class Grid:
 def suggest_grid(case: Case, *, parameter: str = "") -> Grid:
     """Axes that suit a case: steps about its own and penalties; with a ``parameter`` its values and the scene's own penalty.
 
+    ``parameter`` is a name, whose own value is multiplied by ``SHARES``, or a name and its values (SI) as in NAME=1,2,5.
+
     Raises:
-        RunError: the model has no such parameter.
+        RunError: the model has no such parameter, or a value is no number.
     """
+    parameter, _, given = parameter.partition("=")
     penalties: tuple[float | None, ...] = (None,) if parameter else (None, *PENALTIES)
     precisions = PRECISIONS if len(case.model.bodies) <= SMALL else ("double",)
-    values = _values(case, parameter) if parameter else (None,)
+    values = _values(case, parameter, given) if parameter else (None,)
     return Grid(methods=tuple(METHODS), precisions=precisions, steps=_steps(case), penalties=penalties, parameter=parameter, values=values)
 
 
@@ -83,8 +88,13 @@ def _shares_rows(case: Case, dt: float) -> bool:
     return common_step(dt, case.scene.output_step) <= case.scene.end / 4
 
 
-def _values(case: Case, parameter: str) -> tuple[float, ...]:
+def _values(case: Case, parameter: str, given: str) -> tuple[float, ...]:
     parameter_values(case.model, {parameter: 0.0})  # which refuses a name that cannot be set
+    if given:
+        try:
+            return tuple(sorted({read_number(text.strip()) for text in given.split(",")}))
+        except ValueError as error:
+            raise RunError(f"--vary {parameter}={given}: {error}; write values in SI units with commas between") from None
     own = _own_value(case, parameter)
     return tuple(float(f"{share * own:.12g}") for share in SHARES if own is not None)
 
@@ -100,16 +110,19 @@ def map_case(
 
     ``refer`` finds the reference of a case with a parameter changed, by default `find_reference`.
 
+    Values without a reference, such as those with which no loop closes, are left out and refused with the reason.
+
     Raises:
-        RunError: a step shares too few rows with the case; the model has no such parameter; there is no reference.
+        RunError: a step shares too few rows with the case; the model has no such parameter; there is no reference at all.
     """
     for dt in grid.steps:
         if not _shares_rows(case, dt):
             raise RunError(f"{case.name}: a step of {dt:g} s shares too few rows with rows of {case.scene.output_step:g} s")
     find = refer or partial(find_reference, say=say)
-    truths = {value: known_truth(find(with_value(case, grid.parameter, value))) for value in grid.values}
-    cells: list[Record] = []
     refused: dict[str, str] = {}
+    truths = dict(_truths(case, grid, find, refused))
+    grid = replace(grid, values=tuple(truths))
+    cells: list[Record] = []
     code: dict[str, Mapping[str, str]] = {}
     for method, precision in product(grid.methods, grid.precisions):
         say(f"{case.name}: compiling {method} in {precision}")
@@ -121,6 +134,21 @@ def map_case(
         code[f"{method}, {precision}"] = identity(artifact.source, added=has_added(artifact))
         cells += _map_method(case, artifact, grid, truths, store, say)
     return {**_describe(case, grid, truths, cells, refused), "code": code}
+
+
+def _truths(
+    case: Case, grid: Grid, find: Callable[[Case], Reference], refused: dict[str, str]
+) -> Iterator[tuple[float | None, Truth]]:  # fmt: skip
+    """The values that have a reference, with it; the reasons of others go to ``refused``."""
+    problems: list[CutjointError] = []
+    for value in grid.values:
+        try:
+            yield value, known_truth(find(with_value(case, grid.parameter, value)))
+        except (RunError, SimulatorError) as error:
+            refused[f"{grid.parameter} {value:g}" if value is not None else case.name] = str(error)
+            problems.append(error)
+    if len(problems) == len(grid.values):
+        raise problems[0]
 
 
 def with_value(case: Case, parameter: str, value: float | None) -> Case:

@@ -17,7 +17,7 @@ from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.temporary import temporary_folder
-from cutjoint_bench.errors import measure_errors
+from cutjoint_bench.errors import exceeds_from, measure_errors
 from cutjoint_bench.measure import WRONG, extent
 from cutjoint_bench.records import Case, Errors
 from cutjoint_bench.reference import Reference
@@ -41,7 +41,8 @@ OUTCOMES: Mapping[str, str] = {
 class Finding:
     """The end of a run: its outcome, the largest error of position (m), relative error of energy, and residual at its end (m or rad).
 
-    ``message`` is the failure of one that diverged, ``reached`` the time of its last state in s.
+    ``message`` is the failure of one that diverged, ``reached`` the time of its last state in s, ``since`` that from which on its error is
+    above ``INACCURATE`` of the extent.
     """
 
     outcome: str
@@ -50,6 +51,7 @@ class Finding:
     residual: float = nan
     message: str = ""
     reached: float = 0.0
+    since: float = nan
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON; what is unknown or infinite is None."""
@@ -99,8 +101,11 @@ def try_run(
         except SimulatorError as error:
             return Finding(outcome="diverged", message=str(error))
         residual = _last_residual(steps)
-    errors = measure_errors(case, run, truth.at(run.t)) if len(run.t) else Errors()
-    return judge(run, errors, residual, truth.extent)
+    if not len(run.t):
+        return judge(run, Errors(), residual, truth.extent)
+    known = truth.at(run.t)
+    since = exceeds_from(case, run, known, INACCURATE * truth.extent)
+    return replace(judge(run, measure_errors(case, run, known), residual, truth.extent), since=since)
 
 
 def identify(case: Case, artifact: Artifact) -> dict[str, Any]:

@@ -71,9 +71,18 @@ def _draw_panel(panel: Axes, atlas: Atlas, by: str, rows: Sequence[float | None]
     panel.set_ylim(0, max(1, len(rows)))
     panel.set_xticks(*_decades(steps))
     named = rows if len(rows) > 1 else []
-    panel.set_yticks([i + 0.5 for i in range(len(named))], [_label(x) for x in named])
+    panel.set_yticks([i + 0.5 for i in range(len(named))], [f"{_label(x)}{_conditions(atlas, x) if by == 'value' else ''}" for x in named])
     panel.tick_params(length=2, labelsize="x-small")
     panel.spines[:].set_visible(False)
+
+
+def _conditions(atlas: Atlas, value: float | None) -> str:
+    """What makes a value of the parameter hard: the fastest eigenvalue and the closeness to a singular pose, where they are known."""
+    found = dict(zip(atlas["axes"]["value"], atlas.get("conditions") or [], strict=False)).get(value)
+    if found is None:
+        return ""
+    parts = [f"{found['rate']:.2g}/s"] if found["rate"] else []
+    return "".join(f" | {part}" for part in (*parts, *([f"{found['closeness']:.1g}"] if found["closeness"] is not None else [])))
 
 
 def _decades(steps: Sequence[float]) -> tuple[list[float], list[str]]:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from cutjoint_bench.findings import leading, timed
+from cutjoint_bench.findings import TARGETS, leading, timed
 
 Line = Mapping[str, Any]
 
@@ -25,7 +25,7 @@ COLOURS = (
 STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
     "peer": ("-.", "^"), "reduced": ("--", "D"), "reductions": ("--", "v"), "integrators": (":", "P"),
-    "functions": ("--", "*"),
+    "functions": ("--", "*"), "accuracy": ("-", "p"), "auto": ("-", "X"),
 }  # fmt: skip
 
 def new_figure(width: float, height: float) -> Figure:
@@ -87,6 +87,34 @@ def _draw_line(panel: Axes, line: Line, colour: str) -> None:
         if p["dt"] == line.get("dt"):
             panel.plot([error], [seconds], "o", markersize=9, markerfacecolor="none", color=colour)
             panel.annotate(f"{1e3 * p['dt']:g} ms", (error, seconds), xytext=(5, 5), textcoords="offset points", fontsize="x-small")
+
+
+def draw_accuracies(lines: Sequence[Line]) -> str:
+    """True (filled) and estimated (hollow) errors of outputs over the accuracy asked for, a colour a line."""
+    figure = new_figure(8, 4.2)
+    panel = figure.subplots()
+    for i, line in enumerate(lines):
+        points, colour = [p for p in timed(line) if p["errors"]["outputs"]], COLOURS[i % len(COLOURS)]
+        asked, true, estimated = ([get(p) for p in points] for get in (
+            lambda p: p["dt"], lambda p: p["errors"]["outputs"], lambda p: p["about"]["estimated"],
+        ))  # fmt: skip
+        panel.plot(asked, true, "-", marker="o", markersize=4, linewidth=1.2, color=colour, label=_short(line))
+        panel.plot(asked, estimated, ":", marker="o", markersize=5, linewidth=1.0, color=colour, mfc="none")
+    ends = (min(TARGETS), max(TARGETS))
+    panel.plot(ends, ends, "-", color="black", linewidth=0.8, label="as asked for")
+    panel.plot([], [], ":", marker="o", markersize=5, color="black", mfc="none", label="estimated by the run")
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.invert_xaxis()
+    panel.set_xlabel("accuracy asked for [m or rad]")
+    panel.set_ylabel("largest error of outputs [m or rad]")
+    style(panel)
+    figure.legend(loc="outside right center", fontsize="small", frameon=False)
+    return svg_of(figure)
+
+
+def _short(line: Line) -> str:
+    return str(line["label"]).removesuffix(", by accuracy")
 
 
 def draw_drift(drift: Mapping[str, Any]) -> str:

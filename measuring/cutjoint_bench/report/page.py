@@ -12,9 +12,11 @@ import jinja2
 
 from cutjoint.methods import INTEGRATORS, names_of
 from cutjoint.view.page import as_data, script_hash
-from cutjoint_bench.findings import fastest_ours, fastest_peer, order
+from cutjoint_bench.findings import describe_setting, fastest_ours, fastest_peer, order, timed
 from cutjoint_bench.report.atlas_charts import draw_atlas
-from cutjoint_bench.report.charts import draw_drift
+from cutjoint_bench.report.atlas_tables import tabulate_conditions, tabulate_reasons
+from cutjoint_bench.report.charts import draw_accuracies, draw_drift
+from cutjoint_bench.report.choices import asked_lines, describe_choices, tabulate_accuracies
 from cutjoint_bench.report.explorer import explore
 from cutjoint_bench.report.precisions import describe_precisions
 from cutjoint_bench.report.tables import (
@@ -78,7 +80,7 @@ def render_page(studies: Mapping[str, Data], charts: Charts = ALL_CHARTS) -> str
         cases=[_case(case) for case in cases if case["lines"]],
         paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
         drifts=[_drift(drift, charts) for drift in drifts],
-        atlases=[{"title": a["title"], "words": a["words"], "chart": charts.atlas(a)} for a in atlases],
+        atlases=[_atlas(atlas, charts) for atlas in atlases],
         situations=tabulate_situations(situations), note=charts.note,
     )  # fmt: skip
 
@@ -86,8 +88,21 @@ def render_page(studies: Mapping[str, Data], charts: Charts = ALL_CHARTS) -> str
 def _case(case: Data) -> dict[str, Any]:
     return {
         "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
-        "lines": tabulate_lines(case), "targets": tabulate_targets(case),
+        "lines": tabulate_lines(case), "targets": tabulate_targets(case), "choices": describe_choices(case),
+        "accuracies": tabulate_accuracies(case), "asked": _draw_asked(case),
     }  # fmt: skip
+
+
+def _atlas(atlas: Data, charts: Charts) -> dict[str, Any]:
+    refused = [f"{name}: {reason}" for name, reason in atlas["refused"].items()]
+    tables = {"conditions": tabulate_conditions(atlas), "reasons": tabulate_reasons(atlas)}
+    return {"title": atlas["title"], "words": atlas["words"], "chart": charts.atlas(atlas), "refused": refused, **tables}
+
+
+def _draw_asked(case: Data) -> str:
+    """The chart of runs to an accuracy, of those of which some true error is known; empty if there are none."""
+    lines = [line for line in asked_lines(case) if any(p["errors"]["outputs"] for p in timed(line))]
+    return draw_accuracies(lines) if lines else ""
 
 
 def _drift(drift: Data, charts: Charts) -> dict[str, Any]:
@@ -138,7 +153,9 @@ def describe(case: Data) -> list[str]:
         if ours and peer:
             sentences.append(f"The fastest peer there is {peer[0]} with {milliseconds(peer[1])} ms, {peer[1] / ours[1]:.1f} times that.")
     sentences += describe_precisions(lines)
-    failed = [f"{line['label']} at {1e3 * p['dt']:g} ms ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]]
+    failed = [
+        f"{line['label']}, {describe_setting(line, p)} ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]
+    ]
     if failed:
         sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")
     return sentences

@@ -8,7 +8,7 @@ from math import isnan
 from statistics import median
 from typing import Any
 
-from cutjoint_bench.findings import TARGETS, fastest_ours, fastest_peer, order, time_at, timed
+from cutjoint_bench.findings import TARGETS, describe_setting, fastest_ours, fastest_peer, order, time_at, timed
 from cutjoint_bench.measure import spread
 from cutjoint_bench.paper import PAPER, PAPER_PARALLEL, PAPER_STIFF
 
@@ -72,19 +72,19 @@ def tabulate_lines(case: Case) -> BenchTable:
         at_scene = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
         limit = line.get("largest_step")
         rows.append((
-            line["label"], *(_own(at_scene) if at_scene else ("fails",) + ("",) * 4),
+            line["label"], *(_own(line, at_scene) if at_scene else ("fails",) + ("",) * 4),
             "" if isnan(found := order(line)) else f"{found:.2f}",
             f"{1e3 * limit:.3g}" if limit else "", line["configuration"].get("digest", "")[:8],
         ))  # fmt: skip
-    head = ("contender", "step, ms", "time, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
+    head = ("contender", "setting", "time, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
     return BenchTable(head=head, rows=tuple(rows))
 
 
-def _own(point: Mapping[str, Any]) -> tuple[str, ...]:
+def _own(line: Mapping[str, Any], point: Mapping[str, Any]) -> tuple[str, ...]:
     middle, half = spread(point["seconds"])
     errors = point["errors"]
-    return (f"{1e3 * point['dt']:g}", f"{milliseconds(middle)} ± {milliseconds(half)}", size(errors["position"]), size(errors["energy"]),
-            size(errors["residual"]))  # fmt: skip
+    time = f"{milliseconds(middle)} ± {milliseconds(half)}"
+    return (describe_setting(line, point), time, *(size(errors[name]) for name in ("position", "energy", "residual")))
 
 
 def tabulate_targets(case: Case) -> BenchTable:
