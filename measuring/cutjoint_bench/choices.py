@@ -44,6 +44,17 @@ def find_choices(lines: Sequence[Line], error: str, time_again: TimeAgain) -> li
     return [_choice(usable, target, error, time_again) for target in TARGETS]
 
 
+def choice_lines(data: Mapping[str, Any]) -> Iterator[str]:
+    """The fastest setting at each error of a bench as lines of text: the case, then a line an error with time, error and command."""
+    for case in (c for c in data["cases"] if c.get("choices")):
+        yield f"{case['name']}: the fastest setting whose error is at most"
+        for choice in case["choices"]:
+            if (row := choice["fastest"]) is None:
+                yield f"  {choice['target']:.0e}: none that was tried"
+            else:
+                yield f"  {choice['target']:.0e}: {1e3 * row['seconds']:.3g} ms, error {row['error']:.1e}: {row['command']}"
+
+
 def _choice(lines: Sequence[Line], target: float, error: str, time_again: TimeAgain) -> Record:
     given = sorted(_within(lines, target, error), key=lambda entry: entry.seconds)
     named = [entry for entry in given if "command" in entry.point]

@@ -17,6 +17,7 @@ from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole
 from cutjoint.topology.reading import read_model
 from cutjoint_bench.cases import make_case
+from cutjoint_bench.choices import choice_lines
 from cutjoint_bench.contenders import choose, groups
 from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import progress_bar
@@ -24,7 +25,6 @@ from cutjoint_bench.records import Case
 from cutjoint_bench.reference import TOLERANCES
 from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
-
 
 #: Runs that would take longer (s) are not begun: they are far from the frontier.
 MOST_SECONDS = 3.0
@@ -95,7 +95,8 @@ def _seconds(text: str) -> list[float]:
 @click.command("bench")
 @click.argument("models", type=click.Path(exists=True, dir_okay=False, path_type=Path), nargs=-1, required=True)
 @click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise.")
-@click.option("--methods", default="generated,integrators,functions,reduced,accuracy,auto,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
+@click.option("--methods", default="generated,integrators,functions,reduced,accuracy,auto,peer", show_default=True,
+              callback=lambda *x: _listed(x[2]), metavar="A,B",
               help=f"Contenders, or groups of them: {', '.join(groups())}.")
 @click.option("--end", type=table.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
 @click.option("--row", type=table.Setting("output_step"), help="Seconds between rows that are compared.")
@@ -117,5 +118,6 @@ def _seconds(text: str) -> list[float]:
 @options.reports_errors
 def command(changes: tuple[str, ...], links: tuple[str, ...], **how: Any) -> None:
     """Measure speed and accuracy of all methods on MODELS against a reference, and write a report."""
-    for path in run_bench(parameters=options.read_parameters(changes), link_masses=options.read_masses(links), **how):
-        options.out.print(str(path), markup=False)
+    written = run_bench(parameters=options.read_parameters(changes), link_masses=options.read_masses(links), **how)
+    for line in (*choice_lines(json.loads(written[0].read_text(encoding="utf-8"))), *map(str, written)):
+        options.out.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -20,7 +20,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint_bench import asked_contenders, cutjoint_contenders
 from cutjoint_bench.asked_contenders import AccuracyRunner
 from cutjoint_bench.cases import make_case
-from cutjoint_bench.choices import Entry, find_choices
+from cutjoint_bench.choices import Entry, choice_lines, find_choices
 from cutjoint_bench.contenders import CONTENDERS, choose
 from cutjoint_bench.cutjoint_contenders import tolerance_of, tolerated_steps
 from cutjoint_bench.errors import measure_errors
@@ -100,6 +100,16 @@ def test_close_settings_are_timed_again_in_turns() -> None:
     first = find_choices(LINES, "outputs", again)[0]
     assert timed[0] == ["B", "D", "recursive/reduced", "E", "G"]
     assert (first["fastest"]["command"], first["fastest"]["seconds"]) == ("D", 1.5)
+
+
+def test_the_command_prints_the_fastest_setting_at_each_error() -> None:
+    cases = [{"name": "clock/swing", "choices": find_choices(LINES, "outputs", as_measured)}, {"name": "other"}]
+    said = list(choice_lines({"cases": cases}))
+    assert said[:3] == [
+        "clock/swing: the fastest setting whose error is at most", "  1e-03: 2e+03 ms, error 5.0e-04: B",
+        "  1e-04: 2.2e+03 ms, error 1.0e-04: D",
+    ]  # fmt: skip
+    assert (len(said), said[-1]) == (6, "  1e-07: none that was tried")
 
 
 def test_settings_are_described_by_what_a_point_is() -> None:
