@@ -56,8 +56,8 @@ def exceeds_from(case: Case, run: Trajectory, reference: Reference, limit: float
     bodies = [b.name for b in case.model.bodies if all(f"{b.name}.{q}" in c for q in "xyz" for c in (run.columns, reference.columns))]
     places = ([run[f"{body}.{q}"][mine] - reference.columns[f"{body}.{q}"][known] for q in "xyz"] for body in bodies)
     beyond = [~(np.linalg.norm(differences, axis=0) <= limit) for differences in places]
-    rows = np.flatnonzero(np.any(beyond, axis=0)) if beyond else []
-    return float(run.t[mine][rows[0]]) if len(rows) else nan
+    rows = np.flatnonzero(np.any(beyond, axis=0)) if beyond else np.zeros(0, dtype=np.intp)
+    return float(run.t[mine][rows[0]]) if rows.size else nan
 
 
 def _common(mine: Array, known: Array) -> tuple[Indices, Indices]:

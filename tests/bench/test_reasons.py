@@ -17,7 +17,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint_bench.exact.chain import Chain, singular_times, write_chain
 from cutjoint_bench.failures import conditions
 from cutjoint_bench.failures.atlas import Grid, map_case, suggest_grid
-from cutjoint_bench.failures.conditions import find_conditions
+from cutjoint_bench.failures.conditions import find_conditions, passes
 from cutjoint_bench.failures.outcomes import OUTCOMES
 from cutjoint_bench.failures.reasons import find_reasons
 from cutjoint_bench.records import Case
@@ -58,6 +58,13 @@ def test_the_pose_closest_to_a_singular_one(tmp_path: Path) -> None:
     before = find_conditions(case_of(tmp_path, write_chain(CHAIN), 0.3))
     assert before.closeness is not None
     assert before.closeness > 0.2
+    assert before.singular_times == ()
+    assert found.singular_times == (found.closest_time,)
+
+
+def test_all_passes_of_singular_poses_are_found() -> None:
+    poses = [(0.5, 0.0), (0.02, 0.1), (0.01, 0.2), (0.02, 0.3), (0.2, 0.4), (0.029, 0.5), (0.3, 0.6), (0.1, 0.7), (0.3, 0.8), (0.001, 0.9)]
+    assert passes(poses) == (0.2, 0.5, 0.9)
 
 
 def cell(dt: float, outcome: str, *, penalty: float | None = None, value: float | None = None, **more: Any) -> dict[str, Any]:
@@ -75,7 +82,7 @@ def atlas_of(
             "title": "a/b", "words": "", "own": {"recursive": {"dt": 1e-3, "value": None}}}  # fmt: skip
 
 
-NOTHING = {"rate": None, "rate_time": None, "closeness": None, "closest_time": None, "massless": []}
+NOTHING = {"rate": None, "rate_time": None, "closeness": None, "closest_time": None, "singular_times": [], "massless": []}
 
 
 @pytest.mark.parametrize(
@@ -87,10 +94,10 @@ NOTHING = {"rate": None, "rate_time": None, "closeness": None, "closest_time": N
         (cell(1e-3, "drifted", penalty=1e2), [cell(1e-3, "converged", penalty=1e4)], {}, "the penalty is too light: heavier ones"),
         (cell(1e-3, "drifted"), [cell(1e-3, "converged", penalty=1e4)], {}, "the penalty does not suit this step: another one does"),
         (cell(1e-2, "wrong"), [], {"rate": 1e3}, "stiffness: the step is longer than a sixth of the period of the fastest mode, 6.3 ms"),
-        (cell(1e-4, "diverged", reached=0.71), [], {"closeness": 1e-3, "closest_time": 0.7}, "a nearly singular pose at 0.7 s, where it"),
-        (cell(1e-4, "wrong", since=0.72), [], {"closeness": 1e-3, "closest_time": 0.7}, "a nearly singular pose at 0.7 s, where it"),
-        (cell(1e-4, "wrong", since=0.2), [], {"closeness": 1e-3, "closest_time": 0.7}, "no step and no penalty that was tried"),
-        (cell(1e-4, "wrong", since=0.7), [], {"closeness": 0.5, "closest_time": 0.7}, "no step and no penalty that was tried"),
+        (cell(1e-4, "diverged", reached=0.71), [], {"singular_times": [0.2, 0.7]}, "a nearly singular pose at 0.7 s, where it"),
+        (cell(1e-4, "wrong", since=0.72), [], {"singular_times": [0.7]}, "a nearly singular pose at 0.7 s, where it"),
+        (cell(1e-4, "wrong", since=0.2), [], {"singular_times": [0.7]}, "no step and no penalty that was tried"),
+        (cell(1e-4, "wrong", reached=0.7), [], {"singular_times": [0.7]}, "no step and no penalty that was tried"),
         (
             cell(1e-3, "diverged", message="the mass matrix is singular: an acceleration is not determined at t = 0 s"), [],
             {"massless": ["link"]}, "no mass resists a motion of link",
@@ -119,7 +126,7 @@ def test_tables_say_where_and_why() -> None:
         cell(1e-2, "diverged", value=1e6, message="it stopped <here>"), cell(2e-2, "diverged", value=1e6),
         cell(1e-3, "converged", value=1e6),
     ]  # fmt: skip
-    found = {"rate": 1e3, "rate_time": 0.25, "closeness": 0.02, "closest_time": 0.5, "massless": list("abcdef")}
+    found = {**NOTHING, "rate": 1e3, "rate_time": 0.25, "closeness": 0.02, "closest_time": 0.5, "massless": list("abcdef")}
     atlas = atlas_of(cells, [found], values=(1e6,))
     reasons, hard = tabulate_reasons(atlas), tabulate_conditions(atlas)
     assert reasons is not None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,10 @@ from cutjoint_bench.cases import make_rows
 from cutjoint_bench.records import Case
 
 #: Shares of a scene's time at which its modes are found, and the poses at most that are looked at.
-SHARES, POSES = (0.02, 0.25, 0.5, 0.75, 0.98), 400
+SHARES, POSES = (0.02, 0.25, 0.5, 0.75, 0.98), 200
+
+#: A pose this close (smallest singular value over the largest) is nearly singular.
+NEARLY_SINGULAR = 0.03
 
 #: A singular value below this share of the largest is rounding: its equation follows from the others in every pose.
 _ROUNDING = 1e-9
@@ -39,13 +43,15 @@ class Conditions:
 
     ``rate`` is the largest absolute eigenvalue (1/s) of the motion's linearisation, at ``rate_time`` s, of some times of it.  ``closeness``
     is the smallest singular value of the cut joints' Jacobian over the largest, 0 at a singular pose, least over the motion at
-    ``closest_time`` s; None without loops.  ``massless`` are the bodies without mass.
+    ``closest_time`` s; None without loops.  ``singular_times`` are all at which the motion passes a pose that is nearly singular.
+    ``massless`` are the bodies without mass.
     """
 
     rate: float | None = None
     rate_time: float | None = None
     closeness: float | None = None
     closest_time: float | None = None
+    singular_times: tuple[float, ...] = ()
     massless: tuple[str, ...] = ()
 
 
@@ -63,8 +69,17 @@ def find_conditions(case: Case) -> Conditions:
         poses = list(_closeness(case, artifact))
         if poses:
             closeness, time = min(poses)
-            found = replace(found, closeness=closeness, closest_time=time)
+            found = replace(found, closeness=closeness, closest_time=time, singular_times=passes(poses))
     return found
+
+
+def passes(poses: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+    """The times at which the closeness to a singular pose is least among its neighbours, and nearly singular."""
+    least = [inf, *(closeness for closeness, _ in poses), inf]
+    return tuple(
+        time for i, (closeness, time) in enumerate(poses, start=1)
+        if closeness <= NEARLY_SINGULAR and least[i - 1] > closeness <= least[i + 1]
+    )  # fmt: skip
 
 
 def _is_zero(mass: Any, values: Mapping[str, float]) -> bool:

@@ -14,9 +14,8 @@ Cell = Mapping[str, Any]
 #: A step times the fastest eigenvalue from which on the mode is not resolved: six steps a period, or one a time constant.
 UNRESOLVED = 1.0
 
-#: A pose this close (smallest singular value over the largest) is nearly singular; trouble is due to it from so many shares of the scene's
-#: time before it to so many after it.
-NEARLY_SINGULAR, BEFORE, AFTER = 0.03, 0.03, 0.1
+#: Trouble is due to a nearly singular pose from so many shares of the scene's time before it to so many after it.
+BEFORE, AFTER = 0.03, 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +102,9 @@ def _of_modes(cell: Cell, conditions: Mapping[str, Any]) -> str:
 
 
 def _of_pose(cell: Cell, conditions: Mapping[str, Any], end: float) -> str:
-    closeness, trouble = conditions.get("closeness"), cell.get("since") if cell["outcome"] != "diverged" else cell.get("reached")
-    if closeness is None or closeness > NEARLY_SINGULAR or trouble is None:
-        return ""
-    after = (trouble - conditions["closest_time"]) / end
-    return f"a nearly singular pose at {conditions['closest_time']:.3g} s, where it begins" if -BEFORE <= after <= AFTER else ""
+    trouble = cell.get("reached") if cell["outcome"] == "diverged" else cell.get("since")
+    passed = [t for t in conditions.get("singular_times", ()) if trouble is not None and -BEFORE <= (trouble - t) / end <= AFTER]
+    return f"a nearly singular pose at {passed[-1]:.3g} s, where it begins" if passed else ""
 
 
 def _of_penalty(cell: Cell, known: _Neighbours) -> str:

@@ -71,7 +71,8 @@ def _draw_panel(panel: Axes, atlas: Atlas, by: str, rows: Sequence[float | None]
     panel.set_ylim(0, max(1, len(rows)))
     panel.set_xticks(*_decades(steps))
     named = rows if len(rows) > 1 else []
-    panel.set_yticks([i + 0.5 for i in range(len(named))], [f"{_label(x)}{_conditions(atlas, x) if by == 'value' else ''}" for x in named])
+    labels = [f"{x:.4g}{_conditions(atlas, x)}" if by == "value" else _label(x) for x in named]
+    panel.set_yticks([i + 0.5 for i in range(len(named))], labels)
     panel.tick_params(length=2, labelsize="x-small")
     panel.spines[:].set_visible(False)
 

@@ -95,9 +95,8 @@ def draw_accuracies(lines: Sequence[Line]) -> str:
     panel = figure.subplots()
     for i, line in enumerate(lines):
         points, colour = [p for p in timed(line) if p["errors"]["outputs"]], COLOURS[i % len(COLOURS)]
-        asked, true, estimated = ([get(p) for p in points] for get in (
-            lambda p: p["dt"], lambda p: p["errors"]["outputs"], lambda p: p["about"]["estimated"],
-        ))  # fmt: skip
+        asked, true = [p["dt"] for p in points], [p["errors"]["outputs"] for p in points]
+        estimated = [p["about"]["estimated"] for p in points]
         panel.plot(asked, true, "-", marker="o", markersize=4, linewidth=1.2, color=colour, label=_short(line))
         panel.plot(asked, estimated, ":", marker="o", markersize=5, linewidth=1.0, color=colour, mfc="none")
     ends = (min(TARGETS), max(TARGETS))
