@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
-from cutjoint.methods import AUTO, DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, Loops
+from cutjoint.methods import AUTO, DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, Loops, join_or
 from cutjoint.package.errors import EquationsError, RunError, plural
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
@@ -117,8 +117,10 @@ def command(
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}")
         raise SystemExit(1)
-    if error and prepared.run.is_asked and run.error.goal is not None and not run.error.converged:
-        options.err.print(f"accuracy not reached: errors of positions and angles may exceed {run.error.goal:g} m or rad")
+    if error and prepared.run.is_asked and prepared.run.goal is not None and not run.error.converged:
+        most = [" ".join(filter(None, (f"{most:g}", run.units[name], "of", name))) for name, most in run.error.targets.items()]
+        limits = f"may exceed {join_or(most)}" if most else f"of positions and angles may exceed {run.error.goal:g} m or rad"
+        options.err.print(f"accuracy not reached: errors {limits}")
         raise SystemExit(1)
 
 

@@ -620,7 +620,8 @@ class Scene:
     * ``starts``: initial values of first-order states by their places; ``entries``: places by "section.joint.coordinate"
     * ``inputs``: expressions of ``t``, parameters' values by default; ``switches``: forces on or off; ``guides``: of joints that the scene
       locks or drives, None of released ones
-    * ``method``: the formulation, "" for the default, "auto" to choose for ``accuracy`` (m, rad) and ``budget`` (times real time)
+    * ``method``: the formulation, "" for the default, "auto" to choose for ``accuracy`` (m, rad) and ``budget`` (times real time);
+      ``targets``: the largest errors of outputs, by their columns and in their units, in place of ``accuracy``
     * ``on_violation``: of a guard: "stop", "restart" with the full model, None to stop for forces alone; ``plots``: its plots
     """
 
@@ -638,6 +639,7 @@ class Scene:
     span: Span
     method: str = ""
     accuracy: float | None = None
+    targets: Mapping[str, float] = field(default_factory=dict)
     budget: float | None = None
     on_violation: str | None = None
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)

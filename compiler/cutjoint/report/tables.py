@@ -317,7 +317,7 @@ def error_facts(error: ErrorEstimate) -> Table:
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes; 99.5 % of such runs are within 3 times these values"
     doubt = "no: outputs do not converge with finer steps, errors may be larger"
-    if error.goal is not None:
+    if error.goal is not None or error.targets:
         doubt = "no, accuracy not reached: errors of the finest steps are larger, or no longer decrease"
     if inf in error.max_error.values():
         by_unit, doubt = {}, "unknown: no run with finer or coarser steps reached its end"
@@ -326,7 +326,8 @@ def error_facts(error: ErrorEstimate) -> Table:
         names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
         why = "errors above a tenth of their largest values, or not converging with finer steps; use a smaller accuracy"
         rows = [("converged", f"{promised}; but not {names}: {why}")]
-    rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
+    rows += [(error.units[name] or "1", f"{error[name]:.1e} ({name}, asked {most:g})") for name, most in error.targets.items()]
+    rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items() if name not in error.targets]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("error estimate", rows)
 

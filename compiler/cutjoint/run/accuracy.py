@@ -1,6 +1,6 @@
 """Runs to a required accuracy, and error estimates from runs with other steps."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import copysign, inf, log10
@@ -102,31 +102,31 @@ def run_accurately(
 
 def _execute(plan: SimulatorRun, *, begin: _Begin, search: _Begin, once: bool, estimate: bool) -> Trajectory:
     if estimate and plan.goal is not None:
-        return _refine_to_goal(plan, plan.goal, begin, search, once=once)
+        return _refine_to_goal(plan, begin, search, once=once)
     run = begin(plan)
     return replace(run, estimator=partial(estimate_error, plan)) if estimate else run
 
 
-def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Begin, *, once: bool) -> Trajectory:
+def _refine_to_goal(plan: SimulatorRun, begin: _Begin, search: _Begin, *, once: bool) -> Trajectory:
     """Refine steps until two runs agree so well that one of them meets the goal, or until refinement no longer helps.
 
     Runs with coarser steps come first, so that two differences show convergence. The finer of the two returns; if the accuracy is asked
     for, the coarser one where it surely meets the goal. ``search`` begins a run without files, ``begin`` with files, which are written
     ``once`` into streams.
     """
-    change, asked, level = _change_of(plan), plan.is_asked, _coarsest_level(plan, goal)
+    change, asked, level = _change_of(plan), plan.is_asked, _coarsest_level(plan)
     written, last, at, before, errors = level - 1, None, level, None, dict[str, float]()
     reached, slow, runs = False, tuple[str, ...](), list[Trajectory]()
     while True:
         trial = _finer(plan, change, level)
-        expected = _returns_next(change, last, before, goal) if asked else level > 0
+        expected = _returns_next(plan, change, last, before) if asked else level > 0
         writes = expected and not once
         attempt = begin if writes else search if asked or level > 0 else start
         written = level if writes else written
         run = _completed(trial, attempt) if level < 0 else attempt(trial)
         if run is None or run.failure is not None:
             if level > 0 and last is not None:
-                return _finest_completed(_finer(plan, change, at), goal, begin)
+                return _finest_completed(_finer(plan, change, at), begin)
             if run is not None and level > 0 and not (change.retries_failures and level < change.levels):
                 break
             last, before, runs, level = None, None, [], level + 1
@@ -137,7 +137,7 @@ def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Beg
             difference = differences(plan.jumps, last, run)
             if bound and level > 0 and (other := _run_with_other_steps(trial, run)) is not None:
                 errors, runs, slow = differences(plan.jumps, run, other), [other], ()
-                reached = _meets_goal(run, errors, goal)
+                reached = _meets_goal(plan, run, errors)
                 break
             remaining = remaining_defect(last, run)
             errors = {
@@ -146,11 +146,12 @@ def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Beg
             }
             slow = () if before is None else find_not_converging(run, before, difference)
             own = _own_errors(change.remaining, difference, before or {})
-            coarse = asked and not slow and not bound and (before is not None or level > at + 1)
-            suffices = coarse and _meets_goal(last, own, _SURE * goal) and not _find_rough(last, own)
+            coarse = asked and not bound and (before is not None or level > at + 1)
+            suffices = coarse and _meets_goal(plan, last, own, _SURE) and not _find_unmet(plan, last, own, slow)
             if before is not None and (level > 0 or not bound):
-                reached = _meets_goal(run, errors, goal) and not _judged_by(run, errors).keys() & slow
-                if reached and not slow and (level > 0 or not _find_rough(run, errors)) and (expected or not suffices):
+                reached = _meets_goal(plan, run, errors) and not _allowed(plan, run, errors).keys() & slow
+                unmet = _find_unmet(plan, run, errors if level <= 0 else {}, slow)
+                if reached and not unmet and (expected or not suffices):
                     break
             if suffices:
                 run, level, errors, reached, runs = last, at, own, True, [*runs[:-1], run]
@@ -170,7 +171,7 @@ def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Beg
     return replace(run, estimator=lambda _: estimate)
 
 
-def _returns_next(change: Change, last: Trajectory | None, before: Mapping[str, float] | None, goal: float) -> bool:
+def _returns_next(plan: SimulatorRun, change: Change, last: Trajectory | None, before: Mapping[str, float] | None) -> bool:
     """Return whether the next run meets the goal if errors fall as steps explain; ``before``: how far the last is from a coarser one."""
     if last is None or before is None:
         return False
@@ -178,21 +179,22 @@ def _returns_next(change: Change, last: Trajectory | None, before: Mapping[str, 
         _own_errors(change.remaining, {name: share * apart for name, apart in before.items()}, earlier)
         for share, earlier in ((change.remaining, before), (change.remaining**2, {}))
     )
-    return _meets_goal(last, following, goal) and not _meets_goal(last, own, _SURE * goal)
+    return _meets_goal(plan, last, following) and not _meets_goal(plan, last, own, _SURE)
 
 
-def _coarsest_level(plan: SimulatorRun, goal: float) -> int:
+def _coarsest_level(plan: SimulatorRun) -> int:
     """The level of the first run: one refinement coarser than the settings; for an accuracy that is asked for, a tolerance above that."""
-    if not (plan.is_asked and INTEGRATORS[plan.run_file.settings.integrator].adaptive):
+    if plan.goal is None or not (plan.is_asked and INTEGRATORS[plan.run_file.settings.integrator].adaptive):
         return -1
-    return min(-1, round(log10(plan.run_file.settings.tolerance / min(_COARSEST, _ABOVE * goal))))
+    first = _COARSEST if plan.targets else min(_COARSEST, _ABOVE * plan.goal)
+    return min(-1, round(log10(plan.run_file.settings.tolerance / first)))
 
 
-def _finest_completed(plan: SimulatorRun, goal: float, begin: _Begin) -> Trajectory:
+def _finest_completed(plan: SimulatorRun, begin: _Begin) -> Trajectory:
     """The finest run that reaches its end, with its error as for given steps, and compared with the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
-    met = replace(found, converged=found.converged and _meets_goal(run, found.max_error, goal))
+    met = replace(found, converged=found.converged and _meets_goal(plan, run, found.max_error))
     return replace(run, estimator=lambda _: met)
 
 
@@ -219,14 +221,20 @@ def _own_errors(remaining: float, difference: Mapping[str, float], before: Mappi
     return {name: max(apart / (1 - remaining), (1 - _BELIEVED) * before.get(name, 0.0)) for name, apart in difference.items()}
 
 
-def _meets_goal(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
+def _meets_goal(plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], share: float = 1.0) -> bool:
+    return all(errors[name] <= share * most for name, most in _allowed(plan, run, errors).items())
 
 
-def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]:
-    """Reference sizes of positions and angles, 1 / PLACES[unit]; without any, of all outputs, by their largest absolute values."""
-    judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
-    return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
+def _allowed(plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float]) -> Mapping[str, float]:
+    """The targets, else the goal of positions and angles; without any, the goal's share of the largest value of each output."""
+    goal = plan.goal or 0.0
+    judged = plan.targets or {name: goal / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
+    return judged or {name: goal * float(np.max(np.abs(run[name]))) for name in errors}
+
+
+def _find_unmet(plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], slow: Sequence[str]) -> Collection[str]:
+    """The outputs that are rough or do not converge, of those with targets if there are any."""
+    return plan.targets.keys() & slow if plan.targets else (*slow, *_find_rough(run, errors))
 
 
 def _judged(
@@ -244,7 +252,7 @@ def _judged(
         closed = _controlled(plan)
         difference = {} if closed is None else differences(plan.jumps, run, closed)
         errors = {name: max(error, difference.get(name, 0.0)) for name, error in errors.items()}
-        converged = converged and closed is not None and (plan.goal is None or _meets_goal(run, errors, plan.goal))
+        converged = converged and closed is not None and (plan.goal is None or _meets_goal(plan, run, errors))
         counted = "the errors include its effect, found by a run with error control"
         effect = "the errors do not include its effect" if closed is None else counted
         words = f"constraint violation of loops up to {violation:.2g} m or rad, with other steps too: {effect}"
@@ -253,7 +261,7 @@ def _judged(
         warnings.append(_describe_failure_of_finer(plan))
     return ErrorEstimate(
         max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
-        rough=tuple(dict.fromkeys((*_find_rough(run, errors), *slow))), goal=plan.goal,
+        rough=tuple(dict.fromkeys((*_find_rough(run, errors), *slow))), goal=None if plan.targets else plan.goal, targets=plan.targets,
     )  # fmt: skip
 
 

@@ -149,12 +149,14 @@ def make_simulator_run(
     )  # fmt: skip
     _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
+    targets = {} if goal is None or options.accuracy is not None else artifact.scene.targets
     in_loops = (artifact.topology.joint_of[body].joint for loop in artifact.topology.loops for body in loop.bodies)
     leading = dict.fromkeys(joint.name for joint in in_loops if _has_moving_guide(artifact.model, joint))
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
-        description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
-        is_asked=options.accuracy is not None or artifact.scene.accuracy is not None, leading=tuple(leading),
+        description=artifact.description, goal=goal, targets=targets, method=artifact.method,
+        is_asked=bool(targets) or {options.accuracy, artifact.scene.accuracy} != {None}, leading=tuple(leading),
+        closes_loops=bool(artifact.mechanism.equation_names),
         indeterminate=artifact.indeterminate, switches=bool(artifact.equations.indicators),
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,

@@ -165,8 +165,8 @@ class ErrorEstimate:
     """Error estimates of a run's outputs, from runs with other steps.
 
     ``max_error`` is the largest error of each column over all samples, in its unit; infinite if no other run reached the end.
-    ``converged``: differences fall as steps are refined, and the ``goal``, if there is one, is met.  At most 1 of 200 converged estimates
-    is below a third of the error.  Errors of laws, masses and geometry are not included.
+    ``converged``: differences fall as steps are refined, and the ``goal``, or the ``targets`` of outputs, are met if there are any.  At
+    most 1 of 200 converged estimates is below a third of the error.  Errors of laws, masses and geometry are not included.
 
     ``warnings`` name faults that refined steps do not show: an energy defect that the steps do not explain, violated loops.  ``rough``
     outputs have errors above a tenth of their largest value, or errors that do not fall.  Accelerations and forces may be rough although
@@ -179,6 +179,7 @@ class ErrorEstimate:
     warnings: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
     goal: float | None = None
+    targets: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, column: str) -> float:
         return self.max_error[column]

@@ -52,7 +52,7 @@ class SimulatorRun:
 
     ``simulator`` is the program, ``run_file`` its input, ``description`` the model's data for an interpreter (None for generated code),
     ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that steps are to keep,
-    None where steps are given; ``is_asked`` is whether scene or caller ask for it.
+    None where steps are given; ``is_asked`` is whether scene or caller ask for it; ``targets`` are the largest errors of outputs instead.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
@@ -69,6 +69,7 @@ class SimulatorRun:
     units: Mapping[str, str]
     goal: float | None = None
     is_asked: bool = False
+    targets: Mapping[str, float] = field(default_factory=dict)
     method: str = DEFAULT_METHOD
     closes_loops: bool = False
     indeterminate: Sequence[str] = ()

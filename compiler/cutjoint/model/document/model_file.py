@@ -408,6 +408,13 @@ class Trim(Part):
     bounds: dict[StrictStr, Ends] = Field(default={})
 
 
+#: The target error of positions and angles, or those of outputs by their names.
+Accuracy: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[dict[StrictStr, Number], Field(min_length=1), Tag("<mapping>")],
+    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), dict: "<mapping>"}, "needs a number, or output: number"),
+]
+
+
 class Scene(Part):
     """One run of the model: its end, start, inputs, switches, driven joints, road and numerics."""
 
@@ -428,7 +435,7 @@ class Scene(Part):
     road: Road = Road()
     numerics: Numerics = Numerics()
     method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None
-    accuracy: Number | None = None
+    accuracy: Accuracy | None = None
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] | None = None
     outputs: tuple[OutputEntry, ...] | None = None
@@ -438,6 +445,8 @@ class Scene(Part):
     def _goes_with_its_method(self) -> Scene:
         if self.budget is not None and self.method != AUTO:
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto too")
+        if isinstance(self.accuracy, dict) and self.method == AUTO:
+            raise shape_error("'method: auto' chooses by errors of positions", "write 'accuracy' as a number")
         integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]
         if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
             message = f"the integrator {integrator.name} belongs to the method {join_or(integrator.methods)}"

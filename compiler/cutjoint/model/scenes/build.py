@@ -1,6 +1,6 @@
 """Scenes: runs of the model with their starts, inputs and settings, and the guides of joints that they lock, drive or release."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from math import inf, isfinite, isnan
@@ -27,7 +27,7 @@ from cutjoint.model.expressions.units import NONE, TIME, Dimension
 from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_steps
 from cutjoint.model.records import STEP, Binding, Joint, Numerics, Output, Plot, Scalar, Scene, Signal
 from cutjoint.model.scenes.roads import read_road
-from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states, read_trim
+from cutjoint.model.scenes.starts import read_aim, read_aims, read_near, read_starts, read_states, read_trim
 from cutjoint.model.validate import check_guides, joints_are_known
 
 SETTINGS = {SOLVER_TOLERANCE: "tolerance"}  #: the settings of files whose records have another name
@@ -103,7 +103,8 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
         outputs=outputs,
         span=where.span,
         method=scene.method or "",
-        accuracy=_above_zero(where, scene.accuracy, "accuracy"),
+        accuracy=None if isinstance(scene.accuracy, dict) else _above_zero(where, scene.accuracy, "accuracy"),
+        targets=dict(_targets(reporting, scene, outputs, stage)),
         budget=_above_zero(where, scene.budget, "budget"),
         on_violation=scene.on_violation,
         entries={
@@ -123,10 +124,25 @@ def _plot(where: Element, name: str, plot: model_file.Plot, outputs: tuple[Outpu
     columns = ("t", *(output.column for output in outputs))
     places: list[tuple[str, Path]] = [(plot.x, ("x",)), *((column, ("y", index)) for index, column in enumerate(plot.y))]
     for column, keys in places:
-        if column not in columns and not where.scope.directory.misses(column.rpartition(".")[0]):
-            hint = nearest(column, columns, "columns") or "add it to the outputs"
-            where.fail(f"plots.{name}: the scene has no output '{column}'", f"add it to outputs; {hint}", ("plots", name, *keys))
+        _require_output(where, column, columns, f"plots.{name}", ("plots", name, *keys))
     return Plot(name=name, x=plot.x, y=plot.y)
+
+
+def _require_output(where: Element, column: str, columns: Collection[str], label: str, keys: Path) -> bool:
+    if column not in columns and not where.scope.directory.misses(column.rpartition(".")[0]):
+        hint = nearest(column, columns, "columns") or "add it to the outputs"
+        where.fail(f"{label}: the scene has no output '{column}'", f"add it to outputs; {hint}", keys)
+    return column in columns
+
+
+def _targets(where: Element, scene: model_file.Scene, outputs: tuple[Output, ...], stage: _Stage) -> Iterator[tuple[str, float]]:
+    """The largest errors of outputs, by their columns and in their units."""
+    factors = {output.column: output.factor for output in outputs}
+    for column, number in scene.accuracy.items() if isinstance(scene.accuracy, dict) else ():
+        keys = ("accuracy", column)
+        if _require_output(where, column, factors, "accuracy", keys):
+            aim = read_aim(where, keys, number, stage.known, stage.reader.signals)
+            yield column, factors[column] * where.positive(where.value(aim.value), keys)
 
 
 def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:

@@ -242,7 +242,7 @@ def read_trim(
         find.append(replace(unknown, bounds=bounds, span=where.scope.source.value_span((*where.path, *keys))))
     changing = {name: unknown for name, unknown in choices.items() if unknown.kind in ("rate", "state")}
     unsteady = [_chosen(where, name, changing, ("trim", "unsteady", index)) for index, name in enumerate(trim.unsteady)]
-    hold = tuple(_aim(where, ("trim", "hold", key), number, known, signals) for key, number in trim.hold.items())
+    hold = tuple(read_aim(where, ("trim", "hold", key), number, known, signals) for key, number in trim.hold.items())
     return Trim(
         find=tuple(find), hold=hold, unsteady=tuple(unknown for unknown in unsteady if unknown is not None),
         span=where.scope.source.key_span((*where.path, "trim")),
@@ -277,10 +277,11 @@ def read_aims(where: Element, scene: model_file.Scene, known: Mapping[str, Quant
     """The places that ``assemble`` gives: by outputs with expressions, of ``signals``, or by expressions of quantities."""
     if scene.assemble and scene.pose == "equilibrium":
         where.fail("assemble: an equilibrium is where forces balance", "remove 'assemble', or hold 'positions'", ("assemble",))
-    return tuple(_aim(where, ("assemble", key), number, known, signals) for key, number in scene.assemble.items())
+    return tuple(read_aim(where, ("assemble", key), number, known, signals) for key, number in scene.assemble.items())
 
 
-def _aim(where: Element, keys: Path, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
+def read_aim(where: Element, keys: Path, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
+    """An expression of quantities, or an output by one of ``signals``, and the value that it shall have."""
     key, section = str(keys[-1]), keys[0]
     if key in signals:
         term = Term(signals[key].symbol, measure(1.0, signals[key].unit).dimension if signals[key].unit else NONE)

@@ -1,0 +1,95 @@
+"""Targets for the errors of outputs: `accuracy` of a scene as a mapping, beside the closed form of an oscillator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
+
+#: 1 kg on a spring of 400 N/m, 0.1 m from its rest.
+OSCILLATOR = """
+cutjoint: 1
+name: swing
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {spring: {kind: joint_force, joint: rail, law: -400*position}}
+outputs: [block.x, block.vx, spring.force, pull: {value: spring.force, unit: kN}]
+scenes: {swing: {end: 3, output_step: 10 ms, positions: {rail.displacement: 0.1}, ACCURACY}}
+"""
+
+
+def run_with(accuracy: str) -> Trajectory:
+    model = read_model_text(OSCILLATOR.replace("ACCURACY", accuracy), "swing.yaml")
+    return simulate(compile_interpreted(model, model.scenes["swing"]))
+
+
+def true_errors(run: Trajectory) -> dict[str, float]:
+    x, v = 0.1 * np.cos(20 * run.t), -2 * np.sin(20 * run.t)
+    exact = {"block.x": x, "block.vx": v, "spring.force": -400 * x, "pull": -0.4 * x}
+    return {name: float(np.max(np.abs(run[name] - values))) for name, values in exact.items()}
+
+
+@pytest.mark.parametrize("target", [2.0, 2e-2, 2e-5])
+def test_steps_follow_from_the_error_asked_of_a_force(target: float) -> None:
+    run = run_with(f"accuracy: {{spring.force: {target} N}}")
+    assert run.error.converged
+    assert run.error.targets == {"spring.force": target}
+    assert 1e-4 * target < true_errors(run)["spring.force"] < target
+    assert run.error["spring.force"] < target
+
+
+def test_a_coarse_target_takes_fewer_steps_than_the_default() -> None:
+    assert run_with("accuracy: {block.vx: 0.1 m/s}").steps < 0.5 * run_with("accuracy: 1.0e-4").steps
+
+
+def test_a_target_is_in_any_unit_of_its_output() -> None:
+    """An output in kN whose target is written in N."""
+    run, same = run_with("accuracy: {pull: 0.5 N}"), run_with("accuracy: {spring.force: 5.0e-4 kN}")
+    assert run.error.targets == {"pull": 5e-4}
+    assert same.error.targets == {"spring.force": pytest.approx(0.5)}
+    assert np.array_equal(run["block.x"], same["block.x"])
+    assert true_errors(run)["pull"] < 5e-4
+
+
+def test_several_targets_hold_at_once() -> None:
+    run = run_with("accuracy: {block.x: 1 mm, block.vx: 1.0e-7 m/s}")
+    assert true_errors(run)["block.vx"] < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "words"),
+    [
+        ("accuracy: {spring.forc: 1 N}", "accuracy: the scene has no output 'spring.forc'; add it to outputs; did you mean 'spring.force'"),
+        ("accuracy: {spring.force: 1 mm}", "accuracy.spring.force needs N, got m"),
+        ("accuracy: {spring.force: 0 N}", "spring.force must be greater than zero"),
+        ("accuracy: {}", "accuracy needs at least 1 item, got 0"),
+        ("accuracy: {block.x: 1 mm}, method: auto", "'method: auto' chooses by errors of positions; write 'accuracy' as a number"),
+    ],
+)
+def test_wrong_targets_are_refused_at_their_line(accuracy: str, words: str) -> None:
+    with pytest.raises(ModelError) as refusal:
+        run_with(accuracy)
+    assert words in str(refusal.value)
+    assert "swing.yaml:9:" in str(refusal.value)
+
+
+def test_a_target_that_no_steps_meet_is_said(tmp_path: Path) -> None:
+    """Rounding of the place, times 1e18, is noise."""
+    text = OSCILLATOR.replace("forces:", "signals: {noise: sin(1e18*block.x)}\nforces:").replace("[block.x", "[noise.value, block.x")
+    model = tmp_path / "swing.yaml"
+    model.write_text(text.replace("ACCURACY", "accuracy: {noise.value: 1.0e-3}"), encoding="utf-8")
+    done = CliRunner().invoke(main, ["simulate", str(model), "--implementation", "interpreted"])
+    assert done.exit_code == 1
+    assert "accuracy not reached: errors may exceed 0.001 of noise.value" in " ".join(done.output.split())
+    assert "(noise.value, asked 0.001)" in done.output
