@@ -84,6 +84,29 @@ def test_wrong_targets_are_refused_at_their_line(accuracy: str, words: str) -> N
     assert "swing.yaml:9:" in str(refusal.value)
 
 
+def test_callers_name_outputs_too(tmp_path: Path) -> None:
+    """On the command line in any unit, in Python in SI units; not beside what determines the steps or the outputs."""
+    model, one = tmp_path / "swing.yaml", ("--implementation", "interpreted", "--accuracy-of")
+    model.write_text(OSCILLATOR.replace("ACCURACY", "accuracy: 1.0e-9"), encoding="utf-8")
+    done = CliRunner().invoke(main, ["simulate", str(model), *one, "pull=0.5N"])
+    assert done.exit_code == 0
+    assert "(pull, asked 0.0005)" in done.output
+    read = read_model_text(OSCILLATOR.replace("ACCURACY", "method: recursive"), "swing.yaml")
+    run = simulate(compile_interpreted(read, read.scenes["swing"]), accuracy={"pull": 0.5})
+    assert run.error.targets == {"pull": 5e-4}
+    for asked, words in (
+        (("pul=1N",), "accuracy of pul: is no output of the scene; did you mean 'pull'?"),
+        (("pull=1mm",), "accuracy of pull: needs N, got m: 1mm"),
+        (("pull=0",), "accuracy of pull: 0 is not above 0; write a larger number"),
+        (("pull=1N", "--dt", "1ms"), "accuracy: it determines the steps; remove dt or the accuracy"),
+        (("pull=1N", "--accuracy", "1mm"), "accuracy: steps follow from errors of positions or from those of named outputs; remove one"),
+        (("pull=1N", "--method", "auto", "--implementation", "auto"), "--accuracy-of cannot be combined with method auto"),
+    ):  # fmt: skip
+        refused = CliRunner().invoke(main, ["simulate", str(model), *one, *asked])
+        assert refused.exit_code == 1
+        assert words in " ".join(refused.output.split())
+
+
 def test_a_target_that_no_steps_meet_is_said(tmp_path: Path) -> None:
     """Rounding of the place, times 1e18, is noise."""
     text = OSCILLATOR.replace("forces:", "signals: {noise: sin(1e18*block.x)}\nforces:").replace("[block.x", "[noise.value, block.x")

@@ -28,6 +28,7 @@ def pick_and_run(
     _require_free_choice(
         implementation=request.implementation, solver=requested.solver, integrator=requested.integrator, events=requested.events,
         precision=request.precision, dt=requested.dt, end=requested.end, iterations=requested.iterations,
+        **{"accuracy-of": requested.targets or None},
     )  # fmt: skip
     variant = _pick(model, scene, _accuracy(requested), parameters)
     ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)

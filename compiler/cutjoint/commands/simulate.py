@@ -35,11 +35,11 @@ IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].alternatives[0]
 
 @table.command("simulate")
 def command(
-    model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
-    solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
-    end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, steps: Path | None,
-    error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], display: tuple[str, ...], view: Path | None,
-    ghost_page: Path | None, functions: Path | None,
+    model: Path, scene: str | None, method: str | None, accuracy: float | None, targets: tuple[str, ...], tolerance: float | None,
+    implementation: str, solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str,
+    dt: float | None, end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None,
+    steps: Path | None, error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], display: tuple[str, ...],
+    view: Path | None, ghost_page: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -53,6 +53,7 @@ def command(
     parameters = options.read_parameters(changes)
     requested = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events, accuracy=accuracy,
+        targets=options.read_parameters(targets, "--accuracy-of"),
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, tunable=tunable, implementation=implementation, precision=precision,

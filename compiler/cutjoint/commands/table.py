@@ -202,6 +202,8 @@ OPTIONS: Mapping[str, Row] = {
         help="Formulation of an FMU. Default: the scene's for co-simulation, else recursive."),
     "accuracy": click.option("--accuracy", type=Setting("accuracy"),
         help="Target error of positions (m) and angles (rad), for example 0.1mm. Default: the scene's, else 1e-4."),
+    "targets": click.option("--accuracy-of", "targets", metavar="NAME=VALUE", multiple=True,
+        help="Target error of an output in place of those of positions and angles, for example tyre.Fz=10N."),
     "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"),
         help=f"Relative and absolute tolerance of {join_and(names_of(INTEGRATORS, lambda i: i.adaptive))}; else of the iteration in a "
         "step. Default: the scene's."),

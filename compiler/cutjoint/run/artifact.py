@@ -13,6 +13,9 @@ from cutjoint.formulate.events import jump_times
 from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, INTEGRATORS, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
+from cutjoint.model.errors import nearest
+from cutjoint.model.expressions.units import fault_of_dimension, measure
+from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Joint, Model, Scene
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program
@@ -149,7 +152,7 @@ def make_simulator_run(
     )  # fmt: skip
     _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
-    targets = {} if goal is None or options.accuracy is not None else artifact.scene.targets
+    targets = {} if goal is None or options.accuracy is not None else dict(_targets(artifact, options)) or artifact.scene.targets
     in_loops = (artifact.topology.joint_of[body].joint for loop in artifact.topology.loops for body in loop.bodies)
     leading = dict.fromkeys(joint.name for joint in in_loops if _has_moving_guide(artifact.model, joint))
     return SimulatorRun(
@@ -164,6 +167,16 @@ def make_simulator_run(
         continuation=_continuation(artifact, options, parameters, inputs),
         by_method=None if artifact.by_method is None or tangents else partial(_by_method, artifact.by_method, options, parameters, inputs),
     )  # fmt: skip
+
+
+def _targets(artifact: Artifact, options: Options) -> Iterator[tuple[str, float]]:
+    """The largest errors of outputs that a caller names, in their units."""
+    units = {c.name: c.unit for c in artifact.equations.columns}
+    for name, error in options.targets.items():
+        fault = fault_of_dimension(error, units[name]) if name in units else f"is no output of the scene; {nearest(name, units)}"
+        if fault := fault or fault_of(error, above=0.0):
+            raise RunError(f"accuracy of {name}: {fault}")
+        yield name, error / measure(1.0, units[name] or "1").value
 
 
 def _by_method(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -151,9 +152,9 @@ def find_closure(numerics: Numerics, method: Method, implementation: Implementat
 def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:
     """The largest error of places and angles (m, rad) of a run whose steps follow from it; None where anything says how steps are."""
     settings, chosen = scene.numerics.of_method(method), INTEGRATORS[integrator]
-    if options.accuracy is not None:
+    if options.accuracy is not None or options.targets:
         _require_accuracy(options)
-        return options.accuracy
+        return accuracy_of(scene) if options.accuracy is None else options.accuracy
     if chosen.adaptive:
         is_free = settings.tolerance == type(settings).tolerance and settings.absolute_tolerance is None and options.tolerance is None
     else:
@@ -168,6 +169,8 @@ def _require_accuracy(options: Options) -> None:
     require_settings(accuracy=options.accuracy)
     if superfluous := [name for name, value in others.items() if value is not None]:
         raise RunError(f"accuracy: it determines the steps; remove {join_and(superfluous)} or the accuracy")
+    if options.targets and options.accuracy is not None:
+        raise RunError("accuracy: steps follow from errors of positions or from those of named outputs; remove one of the two")
 
 
 def accuracy_of(scene: Scene) -> float:
@@ -260,7 +263,8 @@ def _require_ranges(scene: Scene, settings: Settings) -> None:
 class Options:
     """Settings that a caller gives in place of the scene's; None for what the scene, the method and the integrator have.
 
-    ``dt`` and ``end`` are in s.  ``accuracy`` is the largest error of places and angles (m, rad), from which steps follow.  ``tolerance``,
+    ``dt`` and ``end`` are in s.  ``accuracy`` is the largest error of places and angles (m, rad), from which steps follow; ``targets``
+    are those of outputs by name instead, in SI units or quantities of `read_parameters`.  ``tolerance``,
     the solver's, is the relative error of an adaptive integrator's step, else the relative change of the accelerations at which the
     iteration of a step ends.  ``iterations`` is the number that each step has, so that all cost the same.
     ``solver`` is the linear solver, ``integrator`` one of INTEGRATORS, ``events`` one of Events.
@@ -275,6 +279,7 @@ class Options:
     integrator: str | None = None
     events: str | None = None
     accuracy: float | None = None
+    targets: Mapping[str, float] = field(default_factory=dict)
 
 
 #: Fixed steps by the default integrator, which ignore events, whatever the scene says; also for tasks without steps.

@@ -16,11 +16,12 @@ def simulate(
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
-    inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False, accuracy: float | None = None,
+    inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False, accuracy: float | Mapping[str, float] | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; arguments and errors are those of `cutjoint.simulate`."""
+    targets, accuracy = (accuracy, None) if isinstance(accuracy, Mapping) else ({}, accuracy)
     options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,
-                      events=events, accuracy=accuracy)  # fmt: skip
+                      events=events, accuracy=accuracy, targets=targets)  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None, coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
     held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}

@@ -290,8 +290,8 @@ def simulate(
     model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, out: AnyPath | None = None,
     steps: AnyPath | None = None, tangents: AnyPath | None = None, parameters: Mapping[str, float] | None = None,
     progress: Progress | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
-    accuracy: float | None = None, solver_tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
-    integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
+    accuracy: float | Mapping[str, float] | None = None, solver_tolerance: float | None = None, iterations: int | None = None,
+    solver: str | None = None, integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
     inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False, tolerance: float | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a scene of a model, and compile it if needed.
@@ -301,7 +301,7 @@ def simulate(
         inputs: drive the run in place of the scene's laws: numbers, or tables over time.
         tunable: patterns; constants whose names match become parameters.
         method, integrator, dt, end, penalty, accuracy, solver_tolerance, iterations, solver, events: as on the command line;
-            default: the scene's.
+            default: the scene's; ``accuracy`` can map outputs to their target errors.
         out: table (CSV); ``steps``: iterations and residuals of each step; ``tangents``: Jacobians of the accelerations.
         error: estimate the error by further runs.
         progress: is called as the run proceeds; ``tolerance``: earlier name of ``solver_tolerance``.
