@@ -81,7 +81,7 @@ def judge(name: str) -> list[dict[str, Any]]:
             usual = next((n for r, n in ladder if r.failure is None and _true(r, reference, output, jumps) <= target), None)
             rows.append({
                 "model": name, "output": output, "share": share, "converged": run.error.converged, "true": true / target,
-                "estimated": run.error[output] / target, "evaluations": evaluations, "usual": usual, "told": true > LEAST * size,
+                "estimated": run.error[output] / target, "evaluations": evaluations, "usual": usual, "above rounding": true > LEAST * size,
             })  # fmt: skip
     return rows
 
@@ -103,7 +103,7 @@ def main(models: tuple[str, ...], out: Path) -> None:
     done = [row for row in rows if "true" in row]
     met = [row for row in done if row["converged"]]
     kept = [row for row in met if row["true"] <= 1]
-    ratios = [row["estimated"] / row["true"] for row in met if row["told"] and row["true"] > 0]
+    ratios = [row["estimated"] / row["true"] for row in met if row["above rounding"] and row["true"] > 0]
     costs = [row["evaluations"] / row["usual"] for row in kept if row["usual"]]
     print(provenance(()))
     print(f"pairs {len(rows)}, failed {len(rows) - len(done)}, converged {len(met)}")
