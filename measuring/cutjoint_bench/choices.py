@@ -16,6 +16,9 @@ Point = Mapping[str, Any]
 #: Settings are timed again in turns that took at most so many times as long as the fastest, and at most so many of them.
 CLOSE, MOST = 1.5, 4
 
+#: Times within this factor of each other are alike.
+ALIKE = 1.05
+
 
 class Entry(NamedTuple):
     """A measured point of a contender's line."""
@@ -67,11 +70,17 @@ def _choice(lines: Sequence[Line], target: float, error: str, time_again: TimeAg
     def row(entry: Entry | None) -> Record | None:
         return None if entry is None else _row(entry, seconds.get(id(entry.point)), target, error)
 
-    fastest = min(close, key=lambda entry: seconds[id(entry.point)], default=None)
+    fastest = _simplest(close, [seconds[id(entry.point)] for entry in close])
     limit = seconds[id(fastest.point)] if fastest else float("inf")
     unnamed = next((entry for entry in others if seconds[id(entry.point)] < limit), None)
     of_groups = {group: row(entry) for group, entry in asked.items()}
     return {"target": target, "error_of": error, "fastest": row(fastest), "unnamed": row(unnamed), **of_groups}
+
+
+def _simplest(entries: Sequence[Entry], seconds: Sequence[float]) -> Entry | None:
+    """The one with the shortest command of those that are as fast as the fastest."""
+    alike = [entry for entry, time in zip(entries, seconds, strict=True) if time <= ALIKE * min(seconds)]
+    return min(alike, key=lambda entry: len(entry.point["command"]), default=None)
 
 
 def _within(lines: Sequence[Line], target: float, error: str) -> Iterator[Entry]:

@@ -102,6 +102,14 @@ def test_close_settings_are_timed_again_in_turns() -> None:
     assert (first["fastest"]["command"], first["fastest"]["seconds"]) == ("D", 1.5)
 
 
+def test_of_equally_fast_settings_the_simpler_command_is_named() -> None:
+    lines = [
+        line("recursive/rk4", "integrators", point(1e-3, 1.0, 1e-4, command="B --events crossed"), point(2e-3, 1.04, 1e-4, command="B")),
+        line("recursive", "generated", point(1e-3, 1.06, 1e-4, command="C")),
+    ]  # fmt: skip
+    assert find_choices(lines, "outputs", as_measured)[0]["fastest"]["command"] == "B"
+
+
 def test_the_command_prints_the_fastest_setting_at_each_error() -> None:
     cases = [{"name": "clock/swing", "choices": find_choices(LINES, "outputs", as_measured)}, {"name": "other"}]
     said = list(choice_lines({"cases": cases}))
