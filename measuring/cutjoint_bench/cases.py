@@ -12,12 +12,12 @@ from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.trials import exact
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_case
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.topology.reading import read_model
 from cutjoint_bench.records import Case
+from cutjoint_bench.steps import exact
 
 #: Rows of a comparison, at most; of one whose rows are given.
 MOST_ROWS, MOST_GIVEN_ROWS = 2000, 1_000_000

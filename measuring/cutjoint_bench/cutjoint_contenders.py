@@ -25,7 +25,6 @@ from cutjoint.methods import (
 )
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_default_closure, with_loops
@@ -36,6 +35,7 @@ from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.generic.artifact import compile_generic
 from cutjoint_bench.generic.build import measuring_digest
 from cutjoint_bench.records import Case, Contender
+from cutjoint_bench.steps import common_step
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}

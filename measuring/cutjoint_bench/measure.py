@@ -9,11 +9,11 @@ from statistics import median, quantiles
 import numpy as np
 
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.trials import common_step, exact
 from cutjoint.run.simulator import SimulatorError
 from cutjoint_bench.errors import measure_errors
 from cutjoint_bench.records import Case, Point, Runner
 from cutjoint_bench.reference import Reference
+from cutjoint_bench.steps import common_step, exact
 
 
 def measure_point(

@@ -12,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.reduce.trials import common_step
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.cases import outputs_of_bodies
@@ -20,6 +19,7 @@ from cutjoint_bench.cutjoint_contenders import tolerance_of
 from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, run_peer
 from cutjoint_bench.records import Case, Contender
+from cutjoint_bench.steps import common_step
 
 #: The packages that bring a module, where their name is another.
 _PACKAGES = {"mujoco": "mujoco-core", "pinocchio": "pin"}

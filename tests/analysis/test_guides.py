@@ -98,7 +98,7 @@ def test_the_slalom_is_not_refused() -> None:
         (["reduce", "--scene", "apart"], "locked.yaml:13:3: scene 'apart': the full model has no run to measure by: the loop cannot close"),
         (
             ["simulate", "--scene", "apart", "--method", "auto", "--accuracy", "1e-3", "--out", "out.csv"],
-            "scene 'apart': no converged reference run: augmented: the loop cannot close from the given coordinates",
+            "scene 'apart': no converged reference run: recursive, dop853: the loop cannot close from the given coordinates",
         ),
     ],
 )  # fmt: skip

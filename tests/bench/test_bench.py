@@ -15,7 +15,6 @@ from click.testing import CliRunner
 
 from cutjoint.methods import METHODS, names_of
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
@@ -32,6 +31,7 @@ from cutjoint_bench.reference import Reference
 from cutjoint_bench.report.page import describe
 from cutjoint_bench.report.precisions import describe_precisions
 from cutjoint_bench.report.tables import tabulate_configurations, tabulate_stiff
+from cutjoint_bench.steps import common_step
 from cutjoint_bench.store import Store
 from tests.conftest import MODELS
 from tests.toolchain.damage import damaged_records

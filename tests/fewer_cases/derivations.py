@@ -94,7 +94,6 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_an_axle_folds_with_its_tangent",
     ),
     "tests/program/test_transposed.py": ("test_models[iltis*]", "test_the_balance_of_forces[iltis*]", "test_models[axle*]"),
-    "tests/reduce/test_background.py": ("test_a_program_ends_before_its_work",),
     "tests/reduce/test_choose.py": (
         "test_an_impossible_accuracy_says_what_came_nearest", "test_the_chain_keeps_its_tolerance_across_its_singular_pose",
         "test_reduce_prints_the_sequence", "test_the_pendulum_keeps_its_tolerance",

@@ -1,4 +1,4 @@
-"""`cutjoint simulate` with method auto, which measures its candidates; imported only on demand."""
+"""`cutjoint simulate` with method auto, which runs its candidates; imported only on demand."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,9 +10,8 @@ from cutjoint.compile.prepared import PreparedRun, Request
 from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation, Loops
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.choose import choose, chosen_model
-from cutjoint.reduce.sequence import ReducedModel
-from cutjoint.report.tasks import choice_table
+from cutjoint.reduce.choose import FULL, Candidate, choose, chosen_model
+from cutjoint.report.tasks import choice_tables
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
@@ -22,21 +21,21 @@ from cutjoint.run.settings import Options, accuracy_of
 def pick_and_run(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Execute
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    """Let method auto choose model, scene and method; nothing is cached, since the choice depends on measured times."""
+    """Let method auto choose model, scene, method and steps."""
     requested = request.options
     scene, parameters = with_constant_inputs(model, scene, parameters)
     _require_free_choice(
         implementation=request.implementation, solver=requested.solver, integrator=requested.integrator, events=requested.events,
         precision=request.precision, dt=requested.dt, end=requested.end, iterations=requested.iterations,
-        **{"accuracy-of": requested.targets or None},
+        loops=request.loops, **{"accuracy-of": requested.targets or None},
     )  # fmt: skip
-    variant = _pick(model, scene, _accuracy(requested), parameters)
-    ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
+    chosen, reduced, settings = _pick(model, scene, _accuracy(requested), parameters)
+    ran = FinishedRun(reduced, settings, chosen.method, parameters, chosen.variant)
     prepared, run = _execute(request, ran, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; repeated with the full model")
-        full = with_loops(replace(scene, numerics=variant.scene.numerics), Loops.EXACT)
-        ran = FinishedRun(model, full, variant.method, parameters, "full")
+        full = with_loops(replace(scene, numerics=settings.numerics), Loops.EXACT)
+        ran = FinishedRun(model, full, chosen.method, parameters, FULL)
         prepared, run = _execute(request, ran, execute)
     return prepared, run, ran
 
@@ -54,17 +53,18 @@ def _accuracy(requested: Options) -> float | None:
     return requested.tolerance
 
 
-def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> ReducedModel:
+def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> tuple[Candidate, Model, Scene]:
     """The model, scene and method that method auto chooses; it prints its choice and the reason."""
     wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
-    with options.progress_bar(f"choosing method and step size for an accuracy of {wanted.accuracy:g} m and rad"):
+    with options.progress_bar(f"choosing method and steps for an accuracy of {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
-    options.out.print(choice_table(choice, wanted))
-    return chosen_model(model, wanted, choice)
+    for part in choice_tables(choice, wanted):
+        options.out.print(part)
+    return choice.chosen, *chosen_model(model, wanted, choice)
 
 
 def _require_free_choice(**requested: Any) -> None:
     """Check that no option sets what method auto chooses."""
     usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
     for name in (name for name, value in requested.items() if value not in usual.get(name, (None,))):
-        raise RunError(f"--{name} cannot be combined with method auto, which chooses it by measurement; use --method")
+        raise RunError(f"--{name} cannot be combined with method auto, which chooses it; use --method")

@@ -1,114 +1,68 @@
-"""`method: auto`: the cheapest model, formulation and steps that keep a scene's accuracy, found by calibration runs.
-The reference is the full model at steps that are halved until the motion has converged. The reduced models of the first method that
-supports the model, and the cheapest of these for each other method, are tried with steps that divide or multiply the scene's output step,
-and with adaptive steps. All are timed at the longest steps, or the largest tolerance, within the accuracy."""
+"""`method: auto`: the model, method and steps that keep a scene's accuracy with the least work, found by interpreted runs.
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Future
+The reference is the full model with steps that are refined until the motion has converged. Candidates are the last reduced models of each
+motion, with exact or embedded loops, by the methods that embed loops, with adaptive and with equal steps; other methods follow if none of
+these keeps the accuracy. Each is run with coarse steps first, and given up where these already take more work than another candidate.
+"""
+
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, cached_property, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
-from math import ceil, inf, log
+from math import ceil, inf
 from pathlib import Path
 
+from cutjoint.compile.derivation import with_requested_loops
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.compile.prepared import build_provenance
-from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation, names_of
-from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import RunError, ToolchainError
-from cutjoint.reduce.measure import Reference, distance, find_reference, fraction, time_run
-from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
-from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
-from cutjoint.run.artifact import Artifact
-from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import with_closure, with_default_closure
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Implementation, Loops, Method
+from cutjoint.model.records import Model, Numerics, Scene
+from cutjoint.package.errors import CutjointError, RunError, ToolchainError
+from cutjoint.reduce.measure import Reference, distance, find_reference, time_run
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
+from cutjoint.reduce.trials import Steps, Trials
+from cutjoint.run.scenes import with_default_closure, with_loops
 from cutjoint.run.settings import accuracy_of, find_closure
-from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
-from cutjoint.toolchain.compiler import processor
 
 SHARE = 0.8  #: the share of the accuracy that a choice may use; the rest is for the error of the reference
-LONGEST, SHORTEST = 16, 2**-9  #: range of tried steps, as multiples of the scene's step for the method, longest first
-RATIO = 2**0.5  #: the ratio of successive trial steps
-
-#: Range of tried tolerances, largest first, and the ratio of successive ones.
-LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TOLERANCE_RATIO = 1e-2, 1e-10, 10**0.5
-
-#: A reduced model is given up where a compiled run takes so many times as long as the best so far, or any run so many times the
-#: instructions.  An error counts as lower below this share of another.
-PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
-
-ROUNDS = 2  #: the number of rounds in which the fastest are timed again alternately
+#: Tolerances that are tried: the largest, the number for each power of ten, and powers of ten.
+LARGEST_TOLERANCE, PER_DECADE, DECADES = 1e-2, 8, 8
+#: Equal steps that are tried: the number for each halving, and halvings; the longest is the scene's sample interval.
+PER_HALVING, HALVINGS = 4, 12
+ENOUGH = 1.05  #: the search of steps ends where coarser ones would save less
+#: The assumed order of errors in the tolerance and in equal steps, on the low side, and the share that is tried after a failed run.
+ORDERS, AFTER_FAILURE = (0.7, 2.5), 0.25
+#: Reasons for leaving a candidate: its coarser steps take more work than another's; no steps keep the accuracy.
+LEFT = DEARER, INACCURATE = "dearer", "inaccurate"
+APPROXIMATE_FROM = 1e-3  #: the accuracy (m, rad) from which on approximate models are tried; smaller ones they hardly keep
+FULL = "full"  #: the name of the model that is not reduced
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A reduced model with a method and steps, its error, time (s) and instructions; or the reason for leaving it.
-    ``dt`` (s) is the step, or 0 with the ``tolerance`` of an ``integrator``."""
+    """A reduced model with a method, one of Loops and steps, its error and the work of a run; or the reason for leaving it."""
 
     variant: str
     method: str
-    dt: float
-    error: float
-    seconds: float
-    instructions: float = 0.0
+    loops: str = Loops.EXACT
+    steps: Steps
+    error: float = inf
+    work: float = inf
     failure: str = ""
-    integrator: str = ""
-    tolerance: float = 0.0
-
-    @property
-    def steps(self) -> Steps:
-        """The number of steps of its run."""
-        return Steps(dt=self.dt, integrator=self.integrator, tolerance=self.tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """The choice of a model, a method and a step. ``evidence`` has a candidate for each reduced model of each method, ``reference_change``
-    is the change of the reference by its last halving (m, rad), ``reduced`` the chosen model, if the choice was made just now."""
+    """The choice of a model, a method and steps. ``reference_change`` is the change of the reference by its last refinement (m, rad),
+    ``reduced`` the model and the scene of the choice, if it was made just now."""
 
     chosen: Candidate
     evidence: tuple[Candidate, ...]
     reference_change: float
-    reduced: ReducedModel | None = field(default=None, compare=False, repr=False)
-
-
-class _ReducedModels:
-    """The reduced models to try: the reduction sequence of the first method that supports the model, the cheapest of these for others."""
-
-    def __init__(self, model: Model, scene: Scene) -> None:
-        self._model, self._scene = model, scene
-        self._of: dict[str, Future[list[ReducedModel]]] = {}
-
-    def begin(self) -> None:
-        """Derive those of all methods in other threads, one method after the other."""
-        for method in METHODS:
-            self._begin(method)
-
-    def of(self, method: str) -> list[ReducedModel]:
-        """The reduced models of a method, one for each motion, when they are there. Raises ModelError, RunError: the method takes none."""
-        return self._begin(method).result()
-
-    def _begin(self, method: str) -> Future[list[ReducedModel]]:
-        if method not in self._of:
-            self._of[method] = begin(partial(self._derive, method))
-        return self._of[method]
-
-    def _derive(self, method: str) -> list[ReducedModel]:
-        with DERIVING:
-            first = self._first
-            last = list({reduced.motion: reduced for reduced in first}.values())
-            return last if method == first[0].method else cheapest_by(method, first)
-
-    @cached_property
-    def _first(self) -> list[ReducedModel]:
-        *others, last = METHODS
-        for method in others:
-            with suppress(ModelError, RunError):
-                return reduction_sequence(self._model, self._scene, method, approximate=True)
-        return reduction_sequence(self._model, self._scene, last, approximate=True)
+    reduced: tuple[Model, Scene] | None = field(default=None, compare=False, repr=False)
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
@@ -121,31 +75,33 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
     return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
 
 
-def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
-    """The chosen reduced model, with the chosen steps in its scene."""
-    chosen = choice.chosen
-    variant = choice.reduced or _find(chosen, _ReducedModels(model, scene))
-    numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, chosen.method: _own(variant.scene, chosen)})
-    if chosen.integrator:
-        numerics = replace(numerics, dt=None, integrator=chosen.integrator, absolute_tolerance=chosen.tolerance)
-        return replace(variant, scene=replace(variant.scene, numerics=numerics))
-    step = common_step(chosen.dt, variant.scene.output_step)
-    numerics = replace(numerics, integrator=DEFAULT_INTEGRATOR)
-    return replace(variant, scene=replace(variant.scene, numerics=numerics, output_step=step))
+def chosen_model(model: Model, scene: Scene, choice: Choice) -> tuple[Model, Scene]:
+    """The chosen reduced model, and its scene with the chosen steps."""
+    chosen, steps, found = choice.chosen, choice.chosen.steps, choice.reduced
+    if found is None:
+        found = (model, scene) if chosen.variant == FULL else _find(chosen.variant, _reduced_models(model, scene))
+    model, scene = found
+    numerics, own = scene.numerics, dict(scene.numerics.methods.get(chosen.method, {}))
+    own.pop("dt", None)
+    own |= {"dt": steps.dt} if steps.dt else {"tolerance": steps.tolerance, "absolute_tolerance": _absolute(scene, chosen)}
+    return model, replace(scene, numerics=replace(
+        numerics, dt=None, integrator=steps.integrator, events=steps.events or numerics.events, loops=chosen.loops,
+        methods={**numerics.methods, chosen.method: own},
+    ))  # fmt: skip
 
 
-def _find(chosen: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
-    return next(reduced for reduced in reduced_models.of(chosen.method) if reduced.name == chosen.variant)
+def _absolute(scene: Scene, chosen: Candidate) -> float:
+    asked = scene.numerics.of_method(chosen.method).absolute_tolerance
+    return chosen.steps.tolerance if asked is None else asked
 
 
-def _own(scene: Scene, chosen: Candidate) -> dict[str, float]:
-    own = {name: value for name, value in scene.numerics.methods.get(chosen.method, {}).items() if name != "dt"}
-    return {**own, **({"tolerance": chosen.tolerance} if chosen.integrator else {"dt": chosen.dt})}
+def _find(name: str, variants: Sequence[ReducedModel]) -> tuple[Model, Scene]:
+    return next((reduced.model, reduced.scene) for reduced in variants if reduced.name == name)
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """The file of a choice in the cache: by model, code of functions, scene, compiler, flags, and the machine that times it."""
-    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance(), processor())
+    """The file of a choice in the cache: by model, code of functions, scene, and what runs it."""
+    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
@@ -154,12 +110,12 @@ def _read(place: Path) -> Choice | None:
     data = read_record(place)
     if data is None:
         return None
-    evidence = tuple(Candidate(**c) for c in data["evidence"])
-    return Choice(chosen=Candidate(**data["chosen"]), evidence=evidence, reference_change=data["reference_change"])
+    chosen, *evidence = (Candidate(**{**c, "steps": Steps(**c["steps"])}) for c in (data["chosen"], *data["evidence"]))
+    return Choice(chosen=chosen, evidence=tuple(evidence), reference_change=data["reference_change"])
 
 
 def _keep(made: Choice, place: Path) -> Choice:
-    with suppress(ToolchainError):  # without a cache it is measured again next time
+    with suppress(ToolchainError):  # without a cache it is made again next time
         write_record(place, {
             "chosen": asdict(made.chosen), "evidence": [asdict(c) for c in made.evidence], "reference_change": made.reference_change,
         })  # fmt: skip
@@ -167,34 +123,41 @@ def _keep(made: Choice, place: Path) -> Choice:
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
-    reduced_models = _ReducedModels(model, scene)
-    truth = find_reference(model, scene, parameters, when_running=reduced_models.begin)
-    steps = _find_steps(reduced_models, scene, parameters, truth)
-    compiled = [None if trials is None else trials.compiled for _, trials in steps]  # all of it, before anything is timed
-    tried = [timed(candidate, artifact, parameters) for (candidate, _), artifact in zip(steps, compiled, strict=True)]
-    evidence = _timed_alternately(list(zip(tried, compiled, strict=True)), parameters)
-    good = [c for c in evidence if not c.failure]
-    if not good:
-        raise RunError(f"{scene.span}: scene '{scene.name}': no candidate has the accuracy of {accuracy_of(scene):g}: {_nearest(evidence)}")
-    chosen = min(good, key=lambda c: c.seconds)
-    if scene.budget is not None and scene.end / chosen.seconds < scene.budget:
-        found = f"the fastest that keeps the accuracy is {scene.end / chosen.seconds:.3g} times as fast as real time"
-        raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger accuracy")
-    return Choice(chosen=chosen, evidence=evidence, reference_change=truth.change, reduced=_find(chosen, reduced_models))
+    scene = with_loops(scene, Loops.EXACT)
+    search = Search(scene, parameters, find_reference(model, scene, parameters))
+    variants = _reduced_models(model, scene)
+    for variant in variants:
+        search.try_model(variant)
+    if not search.good:
+        search.try_other_methods(variants[0])
+    if not search.good:
+        words = f"no candidate has the accuracy of {accuracy_of(scene):g}"
+        raise RunError(f"{scene.span}: scene '{scene.name}': {words}: {_nearest(search.found)}")
+    chosen = min(search.good, key=lambda c: c.work)
+    choice = Choice(
+        chosen=chosen, evidence=tuple(search.found), reference_change=search.truth.change, reduced=_find(chosen.variant, variants)
+    )  # fmt: skip
+    if scene.budget is not None:
+        _require_speed(*chosen_model(model, scene, choice), chosen.method, parameters, scene.budget)
+    return choice
 
 
-def _timed_alternately(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
-    """The candidates; those that may be the fastest are timed again alternately, so that disturbances affect all equally."""
-    fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
-    close = {
-        c: at_step(artifact, c.steps)
-        for c, artifact in tried if artifact is not None and not c.failure and c.seconds <= PATIENCE * fastest
-    }  # fmt: skip
-    if len(close) < 2:
-        return tuple(c for c, _ in tried)
-    rounds = [[time_run(artifact, c.steps, parameters).seconds for c, artifact in close.items()] for _ in range(ROUNDS)]
-    seconds = dict(zip(close, (min(column) for column in zip(*rounds, strict=True)), strict=True))
-    return tuple(replace(c, seconds=min(c.seconds, seconds.get(c, inf))) for c, _ in tried)
+def _require_speed(model: Model, scene: Scene, method: str, parameters: Mapping[str, float], budget: float) -> None:
+    cost = time_run(compile_scene(model, scene, CompileOptions(method=method)), {}, parameters)
+    if scene.end / cost.seconds < budget:
+        found = f"the fastest that keeps the accuracy is {scene.end / cost.seconds:.3g} times as fast as real time"
+        raise RunError(f"{scene.span}: scene '{scene.name}': budget {budget:g}: {found}; hint: write a larger accuracy")
+
+
+def _reduced_models(model: Model, scene: Scene) -> list[ReducedModel]:
+    """The last reduced model of each motion for the first method that supports the model."""
+    *others, last = METHODS
+    sequence, approximate = list[ReducedModel](), accuracy_of(scene) >= APPROXIMATE_FROM
+    for method in others:
+        with suppress(CutjointError):
+            sequence = sequence or reduction_sequence(model, scene, method, approximate=approximate)
+    sequence = sequence or reduction_sequence(model, scene, last, approximate=approximate)
+    return list({reduced.motion: reduced for reduced in sequence}.values())
 
 
 def _nearest(evidence: Sequence[Candidate]) -> str:
@@ -205,144 +168,124 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
     return f"{best.method} ({best.variant}) came to {best.error:.2g}; hint: write a larger accuracy"
 
 
-def _find_steps(
-    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Reference
-) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
-    """The candidates, not yet timed, and the runs of those within the accuracy, whose code is being compiled.
-    The first method with one is searched alone; the others, side by side, give up where they take much longer. A saddle point is begun
-    last, since it takes longest to prepare."""
-    search = partial(_search, reduced_models, scene, parameters, truth)
-    found: list[tuple[Candidate, Trials | None]] = []
-    others = list(METHODS)
-    while others and _fastest(found) is None:
-        found += search(others.pop(0), None)
-    others.sort(key=lambda method: METHODS[method].saddle_point)
-    for searching in [begin(partial(search, method, _fastest(found))) for method in others]:
-        found += searching.result()
-    return sorted(found, key=lambda of: list(METHODS).index(of[0].method))
+class Search:
+    """The candidates ``found`` so far for a scene, measured by the reference ``truth``."""
 
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], truth: Reference) -> None:
+        self.found: list[Candidate] = []
+        self.truth = truth
+        self._parameters, self._goal, self._row = parameters, SHARE * accuracy_of(scene), scene.output_step
+        method = METHODS[truth.trials.artifact.method]
+        closure = find_closure(truth.trials.artifact.scene.numerics, method).name
+        self._made: dict[tuple[str, str, str], dict[str, Trials]] = {(FULL, Loops.EXACT, method.name): {closure: truth.trials}}
 
-def _search(
-    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Reference, method: str, fastest: Candidate | None
-) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
-    try:
-        variants = reduced_models.of(method)
-    except (ModelError, RunError) as error:
-        return [(Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None)]
-    found: list[tuple[Candidate, Trials | None]] = []
-    for variant in variants:
-        by = trials_by(variant)
-        for find, integrator in searches(variant):
-            trials = by(integrator)
-            candidate = find(variant, scene, parameters, truth, trials, fastest=fastest or _fastest(found))
-            if not candidate.failure:
-                trials.begin_compiling()
-            found.append((candidate, None if candidate.failure else trials))
-    return found
+    @property
+    def good(self) -> list[Candidate]:
+        """Those that keep the accuracy."""
+        return [c for c in self.found if not c.failure]
 
+    def try_model(self, variant: ReducedModel) -> None:
+        """Try a reduced model: with exact and with embedded loops by one integrator, then what takes less work by all others."""
+        (first, *pairs), scene = pairs_of(variant.scene.numerics), variant.scene
+        if variant.motion != "exact" and not self._is_near(variant, *first):
+            return
+        forms = {Loops.EXACT: scene, Loops.EMBEDDED: with_loops(scene, Loops.EMBEDDED)}
+        if not (variant.equations and with_requested_loops(variant.model, forms[Loops.EMBEDDED], first[0]).embedded_loops):
+            del forms[Loops.EMBEDDED]
+        tried = {loops: self.try_steps(variant, form, *first) for loops, form in forms.items()}
+        best = min(tried, key=lambda loops: (bool(tried[loops].failure), tried[loops].work))
+        for method, integrator, events in pairs:
+            if events is None or self.truth.run.statistics.events:
+                self.try_steps(variant, forms[best], method, integrator, events)
 
-def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
-    """Runs of a reduced model by integrators; those with the same closure share them."""
-    method = METHODS[variant.method]
+    def try_other_methods(self, variant: ReducedModel) -> None:
+        """Try the methods without loop embedding."""
+        for method in (method for method in METHODS.values() if not method.functions):
+            self.try_steps(variant, variant.scene, method.name, DEFAULT_INTEGRATOR)
 
-    @cache
-    def make(closure: str) -> Trials:
-        if closure == find_closure(variant.scene.numerics, method).name:
-            return Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        return Trials(variant.model, with_closure(variant.scene, closure), variant.method)
+    def _is_near(self, variant: ReducedModel, method: str, integrator: str, events: str | None) -> bool:
+        """Whether the motion of a reduced model is within the accuracy at all."""
+        steps = Steps(integrator=integrator, tolerance=self._goal / 100, dt=0.0 if INTEGRATORS[integrator].adaptive else self._row / 64)
+        error = inf
+        with suppress(CutjointError):
+            error = distance(self._trials(variant, variant.scene, method, integrator).run(steps, self._parameters), self.truth.run)
+        if not error <= self._goal:
+            self.found.append(Candidate(variant=variant.name, method=method, steps=steps, error=error, failure=INACCURATE))
+        return error <= self._goal
 
-    def by(integrator: str) -> Trials:
-        closed = with_default_closure(variant.scene, variant.method, integrator) if variant.equations else variant.scene
-        return make(find_closure(closed.numerics, method).name)
-
-    return by
-
-
-def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
-    """The candidate with the fewest instructions among those that meet the accuracy."""
-    return min((c for c, _ in found if not c.failure), key=lambda c: c.instructions, default=None)
-
-
-def find_step(
-    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
-    ratio: float = RATIO, fastest: Candidate | None = None,
-) -> Candidate:  # fmt: skip
-    """The longest step of a reduced model that keeps the scene's accuracy; steps fall by ``ratio``. It gives up if a run is much slower
-    than the ``fastest`` so far, or if a fourth of the step has not reduced the error, which is then that of the reduced model."""
-    best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
-    step = variant.scene.numerics.of_method(variant.method).step
-    longest = min(LONGEST * step, variant.scene.end / 8)
-    number = ceil(log(longest / (SHORTEST * step)) / log(ratio)) + 1
-    steps = {fraction(variant.scene.output_step, longest / ratio**k) for k in range(number)}  # with samples of the reference
-    wanted = (replace(best, dt=dt) for dt in sorted(steps, reverse=True))
-    vain = "dt", 4, "shorter steps do not lower its error"
-    return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
-
-
-def find_tolerated(
-    integrator: str, variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
-    ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
-) -> Candidate:  # fmt: skip
-    """The largest tolerance of an integrator that keeps the scene's accuracy.
-    It gives up as `find_step` does, where a hundredth of the tolerance has not brought the error down."""
-    best = Candidate(
-        variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no tolerance keeps the accuracy",
-        integrator=integrator, tolerance=LARGEST_TOLERANCE,
-    )  # fmt: skip
-    number = round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1
-    wanted = (replace(best, tolerance=LARGEST_TOLERANCE / ratio**k) for k in range(number))
-    vain = "tolerance", 100, "smaller tolerances do not lower its error"
-    return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
-
-
-def _first_within(
-    best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials,
-    fastest: Candidate | None, vain: tuple[str, float, str],
-) -> Candidate:  # fmt: skip
-    """The first of the wanted candidates that meets the accuracy, else the best one.
-    ``vain``: it gives up where a setting is less than in the best run, divided by a number, for a reason."""
-    setting, share, reason = vain
-    for tried in wanted:
+    def try_steps(self, variant: ReducedModel, scene: Scene, method: str, integrator: str, events: str | None = None) -> Candidate:
+        """The coarsest steps of a model that keep the accuracy, or the reason for leaving it."""
+        grid = steps_of(integrator, self._row, events)
+        tried = Candidate(variant=variant.name, method=method, loops=scene.numerics.loops, steps=grid[0])
         try:
-            run = trials.run(tried.steps, parameters)
-        except SimulatorError as problem:
-            return replace(best, failure=str(problem))
-        error = distance(run, truth.run)
-        if slow := _gives_up(trials, run, fastest):
-            return replace(best, failure=slow)
-        if error <= SHARE * accuracy_of(scene):
-            return replace(tried, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
-        if error < SETTLING * best.error:
-            best = replace(tried, error=error)
-        elif best.error < inf and getattr(tried, setting) < getattr(best, setting) / share:
-            return replace(best, failure=reason)
-    return best
+            tried = self._coarsest(tried, self._trials(variant, scene, method, integrator), grid)
+        except CutjointError as error:
+            tried = replace(tried, failure=str(error))
+        self.found.append(tried)
+        return tried
+
+    def _coarsest(self, tried: Candidate, trials: Trials, grid: Sequence[Steps]) -> Candidate:
+        least = min((c.work for c in self.good), default=inf)
+        low, high, at, below, found = -1, len(grid), 0, replace(tried, work=0.0), None
+        while True:
+            run = trials.run(grid[at], self._parameters)
+            tried = replace(tried, steps=grid[at], error=distance(run, self.truth.run), work=trials.work(run, grid[at]))
+            if run.fallback or not tried.error <= self._goal:
+                low, below = at, tried
+                if run.failure is None and tried.work > least:
+                    return replace(tried, failure=DEARER)
+                at = _next(grid, at, self._goal / tried.error)
+            else:
+                high, found = at, tried
+            if found is None and at == len(grid):
+                return replace(tried, failure=str(run.failure or run.fallback or INACCURATE))
+            if found is not None:
+                if high - low == 1 or found.work <= ENOUGH * below.work:
+                    return found
+                at = (low + high) // 2
+
+    def _trials(self, variant: ReducedModel, scene: Scene, method: str, integrator: str) -> Trials:
+        closed = with_default_closure(scene, method, integrator)
+        closure = find_closure(closed.numerics, METHODS[method]).name
+        made = self._made.setdefault((variant.name, scene.numerics.loops, method), {})
+        for other, trials in made.items():
+            if other == closure or not trials.artifact.mechanism.equation_names:
+                return trials
+        own = (scene, method, closure) == (variant.scene, variant.method, find_closure(scene.numerics, METHODS[method]).name)
+        made[closure] = Trials(variant.model, closed, method, scheduled=variant.scheduled if own else None)
+        return made[closure]
 
 
-def searches(variant: ReducedModel) -> tuple[tuple[Callable[..., Candidate], str], ...]:
-    """The searches for steps of a reduced model: equal steps, and the adaptive ones unless the scene names an integrator."""
-    numerics, method = variant.scene.numerics, METHODS[variant.method]
-    closure, free = method.closure(numerics.closure).name, numerics.integrator is None
-    able = names_of(INTEGRATORS, lambda i: free and i.adaptive and closure in i.closures and i.supports(method, Implementation.GENERATED))
-    return (find_step, DEFAULT_INTEGRATOR), *((partial(find_tolerated, name), name) for name in able)
+def _next(grid: Sequence[Steps], at: int, share: float) -> int:
+    """The index of the steps that are tried after those at an index, whose error is to fall to a share."""
+    value, adaptive = grid[at].setting, not grid[at].dt
+    wanted = value * (share ** (ORDERS[0] if adaptive else 1 / ORDERS[1]) if share > 0 else AFTER_FAILURE)
+    return next((k for k in range(at + 1, len(grid)) if grid[k].setting <= wanted * (1 + 1e-9)), len(grid))
 
 
-def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:
-    """A candidate with what a run takes by its generated code."""
-    if artifact is None:
-        return found
-    try:
-        cost = time_run(at_step(artifact, found.steps), found.steps, parameters)
-    except SimulatorError as problem:
-        return replace(found, seconds=inf, failure=str(problem))
-    return replace(found, seconds=cost.seconds, failure=cost.failure)
+def pairs_of(numerics: Numerics) -> list[tuple[str, str, str | None]]:
+    """Methods, integrators and treatments of events that are tried, adaptive integrators first; events are crossed unless the scene says.
+    An integrator that the scene names is the only one of its methods."""
+    pairs = [(method, i) for method in METHODS.values() if method.functions for i in _integrators(method, numerics)]
+    crossed = [
+        (method.name, i, Events.CROSSED) for method, i in pairs
+        if INTEGRATORS[i].adaptive and INTEGRATORS[i].events is Events.LOCATED and numerics.events is None
+    ]  # fmt: skip
+    plain = sorted(((method.name, i, None) for method, i in pairs), key=lambda pair: not INTEGRATORS[pair[1]].adaptive)
+    return [plain[0], *crossed, *plain[1:]]
 
 
-def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str:
-    """The reason that no shorter steps are tried after a run; "" if they are."""
-    if fastest is None or run.failure is not None:
-        return ""
-    if trials.instructions(run) > DEARER * fastest.instructions:
-        return f"more than {DEARER:g} times the instructions of another at longer steps already"
-    slower = trials.is_compiled and run.seconds > PATIENCE * fastest.seconds  # the run may be interpreted; generated code is faster
-    return "slower than another at longer steps already" if slower else ""
+def _integrators(method: Method, numerics: Numerics) -> list[str]:
+    able = {name: i for name, i in INTEGRATORS.items() if i.supports(method, Implementation.GENERATED)}
+    if numerics.integrator in able:
+        return [numerics.integrator]
+    return [name for name, i in able.items() if method.closure(numerics.closure, usual=i.closure).name in i.closures]
+
+
+def steps_of(integrator: str, row: float, events: str | None = None) -> list[Steps]:
+    """The steps that are tried, coarsest first; equal ones divide the sample interval ``row`` (s)."""
+    if INTEGRATORS[integrator].adaptive:
+        tolerances = (float(f"{LARGEST_TOLERANCE / 10 ** (k / PER_DECADE):.2g}") for k in range(PER_DECADE * DECADES + 1))
+        return [Steps(integrator=integrator, tolerance=tolerance, events=events) for tolerance in tolerances]
+    numbers = sorted({ceil(2 ** (k / PER_HALVING) - 1e-9) for k in range(PER_HALVING * HALVINGS + 1)})
+    return [Steps(integrator=integrator, dt=row / number, events=events) for number in numbers]

@@ -46,14 +46,14 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     )  # fmt: skip
 
 
-def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], Trajectory]) -> tuple[Outcome, Trajectory]:
+def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], Trajectory]) -> tuple[Outcome, Trajectory | None]:
     """Run without the forces that can be guarded, and again with the forces of violated guards, until none is violated.
-    A run without them that fails otherwise is repeated in full. Returns the last run and the model that it ran."""
+    If a run fails otherwise, all forces stay. Returns the last model and its run, None if all forces stay."""
     out = set(guardable(model, scene))
     while True:
         outcome = guard_forces(model, scene, out)
-        result = run(outcome.model, outcome.scene)
-        if result.failure is None or not out:
+        result = run(outcome.model, outcome.scene) if out else None
+        if result is None or result.failure is None:
             return outcome, result
         out -= set(result.failure.guards) or out
 
@@ -62,9 +62,7 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     """The pass: the forces without action in the scene at its step, found by runs that put the acting ones back."""
     if not guardable(model, scene):
         return Outcome(model=model, scene=scene)
-    outcome, run = speculate(model, scene, run_scene)
-    if run.failure is not None:
-        return Outcome(model=model, scene=scene)
+    outcome, _ = speculate(model, scene, run_scene)
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
     left = tuple(Note(element=f.name, text="stays: it acts in this scene", span=f.span) for f in model.forces if f.name in acting)
     return replace(outcome, left=outcome.left + left)

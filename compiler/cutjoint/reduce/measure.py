@@ -1,35 +1,38 @@
 """The costs of the models of a reduction sequence, and the distances of their motions from the truth.
 
-The truth is the full model at steps that are halved until nothing changes any more.
+The truth is the full model with steps that are refined until nothing changes any more.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, floor, inf
+from math import ceil, inf
+from typing import Any
 
 import numpy as np
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.methods import DEFAULT_INTEGRATOR, METHODS
-from cutjoint.model.errors import ModelError
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import with_default_closure
+from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate
-from cutjoint.run.simulator import SimulatorError
 
 # Truth
 
-#: The largest change of the reference by the last halving, as a share of the accuracy; at order 2 a third of it remains.
+#: The largest change of the reference by the last refinement, as a share of the accuracy; a third of it remains at most.
 CONVERGED = 0.1
-
-MOST_HALVINGS = 9  #: the largest number of halvings of the reference's step
+#: Methods and integrators of a reference in the order in which they are tried; loops are held by their equations.
+REFERENCES = (
+    ("recursive", "dop853"), ("recursive-newton", "radau5"), *((name, DEFAULT_INTEGRATOR) for name in sorted(METHODS, reverse=True)),
+)  # fmt: skip
+#: The largest number of refinements of equal steps, each by half, and of tolerances, each by the second number down to the last one.
+MOST_HALVINGS, STRICTER, STRICTEST = 9, 30.0, 1e-12
 #: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
 PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
 REPETITIONS = 5  #: timed runs, of which the fastest counts
@@ -37,37 +40,32 @@ REPETITIONS = 5  #: timed runs, of which the fastest counts
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """A run of the full model; halving its step changes it by ``change`` (m, rad) only."""
+    """A run of the full model by ``trials`` with ``steps``; the last refinement changed it by ``change`` (m, rad) only."""
 
     run: Trajectory
     change: float
+    trials: Trials
+    steps: Steps
 
 
-def find_reference(
-    model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None
-) -> Reference:  # fmt: skip
-    """The full model of a scene by the first method that settles.
-    Methods with a linear system come first: they hold loops by the equations. ``when_running`` is called as the runs of a method begin,
-    which leave this program little to do. Raises RunError: none settles."""
-    reasons = []
-    for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
+def find_reference(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Reference:
+    """The full model of a scene by the first method and integrator that settle. Raises RunError: none does."""
+    reasons: dict[str, str] = {}
+    for method, integrator in REFERENCES:
+        closed = with_closure(scene, INTEGRATORS[integrator].closure) if METHODS[method].closures else scene
         try:
-            step = scene.numerics.of_method(method).step
-            trials = Trials(model, with_default_closure(scene, method, DEFAULT_INTEGRATOR), method)
-            if when_running is not None:
-                when_running()
-            return _converge(trials, step, scene, parameters)
-        except (ModelError, RunError, SimulatorError) as error:
-            reasons.append(f"{method}: {error}")
-    raise RunError(f"{scene.span}: scene '{scene.name}': no converged reference run: " + "; ".join(reasons))
+            return _converge(Trials(model, closed, method), integrator, closed, parameters)
+        except CutjointError as error:
+            reasons.setdefault(str(error), f"{method}, {integrator}")
+    words = "; ".join(f"{tried}: {reason}" for reason, tried in reasons.items())
+    raise RunError(f"{scene.span}: scene '{scene.name}': no converged reference run: {words}")
 
 
-def _converge(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, float]) -> Reference:
+def _converge(trials: Trials, integrator: str, scene: Scene, parameters: Mapping[str, float]) -> Reference:
     before: Trajectory | None = None
-    moved, problem = inf, ""
-    for halving in range(MOST_HALVINGS + 1):
-        dt = fraction(scene.output_step, step * 2.0**-halving)
-        run = trials.run(Steps(dt=dt), parameters)
+    moved, problem = inf, "it would take tolerances of rounding errors"
+    for steps in _refined(trials.artifact.method, integrator, scene):
+        run = trials.run(steps, parameters)
         if run.failure is not None:
             problem = str(run.failure)
             if before is not None:
@@ -76,13 +74,16 @@ def _converge(trials: Trials, step: float, scene: Scene, parameters: Mapping[str
         moved = distance(before, run) if before is not None else inf
         before = run
         if moved <= CONVERGED * accuracy_of(scene):
-            return Reference(run=run, change=moved)
+            return Reference(run=run, change=moved, trials=trials, steps=steps)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 
-def fraction(row: float, about: float) -> float:
-    """The largest step not above a given one that is a whole fraction or multiple of the sample interval."""
-    return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))
+def _refined(method: str, integrator: str, scene: Scene) -> list[Steps]:
+    if INTEGRATORS[integrator].adaptive:
+        tolerances = (min(1e-5, 0.1 * accuracy_of(scene)) / STRICTER**k for k in range(5))
+        return [Steps(integrator=integrator, tolerance=tolerance) for tolerance in tolerances if tolerance >= STRICTEST]
+    row, first = scene.output_step, scene.numerics.of_method(method).step
+    return [Steps(integrator=integrator, dt=row / ceil(row / first * 2**k - 1e-9)) for k in range(MOST_HALVINGS + 1)]
 
 
 # Costs and distances
@@ -98,19 +99,14 @@ class Cost:
 
 
 def distance(run: Trajectory, reference: Trajectory) -> float:
-    """The largest difference of a column in m or rad over the rows that both runs have; infinite where there is none.
+    """The largest difference of a column in m or rad over the same rows; infinite where a run has not come to its end.
     Raises RunError: no column is a place or an angle."""
     names = [name for name, unit in reference.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
         raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
-    if run.failure is not None:
+    if run.failure is not None or len(run.t) != len(reference.t):
         return inf
-    apart = reference.t[1] - reference.t[0] if len(reference.t) > 1 else 1.0
-    nearest = np.clip(np.searchsorted(reference.t, run.t - apart / 2), 0, len(reference.t) - 1)
-    same = np.abs(reference.t[nearest] - run.t) < 1e-3 * apart
-    if not same.any():
-        return inf
-    return max(float(np.abs(run[name][same] - reference[name][nearest[same]]).max()) for name in names)
+    return max(float(np.abs(run[name] - reference[name]).max()) for name in names)
 
 
 def measure_reduced(
@@ -128,13 +124,12 @@ def measure_reduced(
             place = next((j.span for j in variant.model.joints if j.name == joint), variant.scene.span)
             raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
         reference = reference or run
-        costs.append(replace(time_run(artifact, None if dt is None else Steps(dt=dt), parameters), error=distance(run, reference)))
+        costs.append(replace(time_run(artifact, {} if dt is None else {"dt": dt}, parameters), error=distance(run, reference)))
     return costs
 
 
-def time_run(artifact: Artifact, steps: Steps | None, parameters: Mapping[str, float] | None = None) -> Cost:
-    """The fastest of several runs; without given steps they keep the scene's accuracy."""
-    options = {} if steps is None else steps.options
-    runs = [simulate(artifact, parameters=parameters, error=steps is None, check=False, **options) for _ in range(REPETITIONS)]
+def time_run(artifact: Artifact, options: Mapping[str, Any], parameters: Mapping[str, float] | None = None) -> Cost:
+    """The fastest of several runs; without options they keep the scene's accuracy."""
+    runs = [simulate(artifact, parameters=parameters, error=not options, check=False, **options) for _ in range(REPETITIONS)]
     failure = next((str(run.failure) for run in runs if run.failure is not None), "")
     return Cost(seconds=min(run.seconds for run in runs), error=inf, failure=failure)

@@ -16,7 +16,7 @@ from cutjoint.methods import join_and
 from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import VALUE, Model, Scene
 from cutjoint.package.errors import plural
-from cutjoint.reduce.choose import Candidate, Choice
+from cutjoint.reduce.choose import INACCURATE, LEFT, Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tables import facts, table
@@ -277,17 +277,28 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
     return table(title, ("model", "motion", *figures), rows, numbers=figures)
 
 
-def choice_table(choice: Choice, scene: Scene) -> Table:
-    """A table of the choice and the other candidates."""
-    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.reference_change:.0e})"
-    figures = ("steps", "error", "ms", "of real time")
-    rows = (("chosen" if c == choice.chosen else "", c.method, c.variant, *_cells(c, scene)) for c in choice.evidence)
-    return table(title, ("", "method", "model", *figures), rows, numbers=figures)
+def choice_tables(choice: Choice, scene: Scene) -> Iterator[Table | str]:
+    """The candidates that ran, within 80 characters, the reasons of those that did not, and a legend."""
+    ran = [c for c in choice.evidence if c.error < inf or c.failure in LEFT]
+    figures, title = ("steps", "error", "work"), f"scene {scene.name}: the least work within {accuracy_of(scene):g} m and rad"
+    made = table(title, ("method", "model", "loops", "integrator", *figures), (_cells(c, choice.chosen) for c in ran), numbers=figures)
+    made.pad_edge, made.collapse_padding = False, True
+    yield made
+    for c in (c for c in choice.evidence if c not in ran):
+        yield f"{c.method}, {c.variant}, {c.loops}, {c.steps.integrator}: {c.failure.splitlines()[0]}"
+    yield (
+        f"work: estimated instructions of a run, as multiples of {choice.chosen.work:.2g}; >: given up, since\n"
+        "coarser steps take more work already; -: no steps keep the accuracy; x: steps\n"
+        f"cross events; error of the reference: {_scientific(choice.reference_change)}"
+    )
 
 
-def _cells(candidate: Candidate, scene: Scene) -> tuple[str, ...]:
-    if candidate.failure:
-        found = f"{candidate.error:.1e}" if candidate.error < inf else "-"
-        return "-", found, "-", candidate.failure.splitlines()[0]
-    speed = f"{scene.end / candidate.seconds:.0f} times"
-    return str(candidate.steps), f"{candidate.error:.1e}", f"{1e3 * candidate.seconds:.3g}", speed
+def _cells(candidate: Candidate, chosen: Candidate) -> tuple[str, ...]:
+    steps, work = candidate.steps, "chosen" if candidate == chosen else f"{candidate.work / chosen.work:.3g}"
+    work = "-" if candidate.failure == INACCURATE else f"> {work}" if candidate.failure else work
+    integrator = steps.integrator + (" x" if steps.events else "")
+    return candidate.method, candidate.variant.split()[0], candidate.loops, integrator, str(steps), _scientific(candidate.error), work
+
+
+def _scientific(number: float) -> str:
+    return f"{number:.1e}".replace("e-0", "e-")

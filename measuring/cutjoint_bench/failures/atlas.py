@@ -15,7 +15,6 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.text import read_number
 from cutjoint.package.errors import CutjointError, RunError, ToolchainError
-from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.simulator import SimulatorError
@@ -24,6 +23,7 @@ from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_tr
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import Reference, find_reference
+from cutjoint_bench.steps import common_step
 from cutjoint_bench.store import Record, Store
 
 #: Methods that have a penalty.

@@ -25,7 +25,6 @@ import click
 
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError, ToolchainError
-from cutjoint.reduce.trials import exact
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
@@ -38,6 +37,7 @@ from cutjoint_bench.findings import TARGETS, Spot
 from cutjoint_bench.peer_contenders import PeerRunner
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import Reference, find_reference
+from cutjoint_bench.steps import exact
 from cutjoint_bench.studies.checkout import DOCS
 from cutjoint_bench.studies.provenance import provenance
 from cutjoint_bench.studies.report import STUDIES

@@ -1,54 +1,59 @@
-"""Choices of `method: auto` beside the best of an exhaustive search: `make choice`.
+"""Choices of `method: auto` beside the best of a full search: `make choice`.
 
-The search tries every reduced model of every method with steps that fall by 9 %.  The choice tries the last reduced model of each kind of
-motion with steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured
-is kept in results/choice, so that an interrupted run goes on; the rows are kept in docs/bench/choice.json, each with its machine and
-version.
+The search tries every reduced model, with exact and embedded loops, by all methods and all their integrators, events located and
+crossed, and each step of the grid, coarsest first, until one keeps the accuracy or takes FAR times the work of another.  Of those whose
+estimated work is at most FAR times the least, generated code runs under callgrind; the counts of the scene less those of its first sample
+interval are compared.  What was measured is kept in results/choice, so that an interrupted run goes on; the rows are kept in
+docs/bench/choice.json, each with its machine and version.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
+from math import inf
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from statistics import median
 from typing import Any
 
 import click
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.derivation import with_requested_loops
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.methods import METHODS
+from cutjoint.methods import INTEGRATORS, METHODS, Events, Implementation, Loops
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.package.locations import __version__
-from cutjoint.reduce.choose import Candidate, choose, searches, timed, trials_by
-from cutjoint.reduce.measure import Reference, find_reference, time_run
+from cutjoint.reduce.choose import SHARE, Candidate, Choice, choose, chosen_model, steps_of
+from cutjoint.reduce.measure import Reference, distance, find_reference
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.trials import Steps, at_step
-from cutjoint.run.scenes import find_scene
+from cutjoint.reduce.trials import Steps, Trials
+from cutjoint.run.artifact import make_simulator_run
+from cutjoint.run.scenes import find_scene, with_default_closure, with_loops
+from cutjoint.run.settings import Options
+from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint_bench.machine import machine
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
+from cutjoint_bench.studies.instructions import FLAGS, count
 
-#: Model, scene (the only one of its model where there is none), end in s (the scene's where there is none), tolerance in m and rad.
+#: Model, scene (the only one of its model where there is none), end in s (the scene's where there is none), accuracy in m and rad.
 SCENES = (
-    ("pendulum", None, None, 1e-3), ("four_bar", None, None, 1e-3), ("slider_crank", None, None, 1e-3), ("flyball", None, None, 1e-4),
-    ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-2), ("iltis", "simul2", 4.0, 1e-2),
-    ("iltis", "simul3", 4.0, 1e-2),
+    ("pendulum", None, None, 1e-3), ("four_bar", None, 2.0, 1e-3), ("slider_crank", None, None, 1e-3), ("slider_crank", None, None, 1e-6),
+    ("press", None, None, 1e-4), ("six_bar", None, None, 1e-4), ("flyball", None, 0.5, 1e-4), ("andrews", None, None, 1e-4),
+    ("delta", None, None, 1e-4), ("stewart", None, None, 1e-4), ("leg", None, None, 1e-4), ("excavator", None, None, 1e-4),
+    ("gantry", None, None, 1e-4), ("car", None, None, 1e-4), ("car", None, None, 1e-6),
+    ("axle", None, None, 1e-4), ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-3), ("iltis", "simul3", 4.0, 1e-3),
 )  # fmt: skip
-
-FINE = 2**0.125
-
-#: Rounds of timing, in turns, of what was picked and what is best where they differ.
-ROUNDS = 8
-
-
+FAR = 2.5  #: candidates of more estimated work, as multiples of the least, are not counted
 KEPT = DOCS / "choice.json"
 
 
@@ -58,13 +63,13 @@ def main(only: tuple[str, ...]) -> None:
     """Measure what is not yet measured, print a row for each scene, and keep the results."""
     store = Store(RESULTS / "choice" / "measurements.jsonl")
     rows: dict[str, Record] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    for name, scene, end, tolerance in SCENES:
+    for name, scene, end, accuracy in SCENES:
+        if only and not {name, scene} & set(only):
+            continue
         model = read_model(MODELS / f"{name}.yaml")
         found = find_scene(model, scene)
-        if only and not {name, found.name} & set(only):
-            continue
-        wanted = replace(found, method="auto", accuracy=tolerance, end=found.end if end is None else end)
-        rows[f"{name} {found.name}"] = Comparison(model=model, scene=wanted, store=store).row()
+        wanted = replace(found, method="auto", accuracy=accuracy, end=found.end if end is None else end)
+        rows[f"{name} {found.name} {accuracy:g}"] = Comparison(model=model, scene=wanted, store=store).row()
         KEPT.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     _print(list(rows.values()))
 
@@ -82,68 +87,134 @@ class Comparison:
         """The standard for errors."""
         return find_reference(self.model, self.scene, {})
 
-    def row(self) -> Record:
-        """The picked candidate and the best one, the distance of both from the truth, and their times in s."""
-        picked = choose(self.model, self.scene).chosen
-        return self._get({"picked": asdict(picked), "rounds": ROUNDS}, partial(self._compare, picked))
+    @cached_property
+    def variants(self) -> list[ReducedModel]:
+        """All reduced models."""
+        for method in METHODS:
+            try:
+                return reduction_sequence(self.model, self.scene, method, approximate=True)
+            except (ModelError, EquationsError, RunError):
+                continue
+        return []
 
-    def _compare(self, picked: Candidate) -> Record:
-        tried = list(self._search())
-        best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
-        different = list(dict.fromkeys((c.method, c.variant, c.steps) for c in (picked, best)))
-        times = [[self._seconds(*of) for of in different] for _ in range(ROUNDS)]
-        fastest = [min(column) for column in zip(*times, strict=True)]
-        seconds = [fastest[0], fastest[-1]]
+    def row(self) -> Record:
+        """The picked candidate and the best one with the instructions of their runs, and the CPU seconds of the choice."""
+        begin = _cpu_seconds()
+        choice = choose(self.model, self.scene)
+        seconds = _cpu_seconds() - begin
+        return self._get({"picked": asdict(choice.chosen)}, partial(self._compare, choice, seconds))
+
+    def _compare(self, choice: Choice, seconds: float) -> Record:
+        picked, tried = choice.chosen, list(self._search())
+        good = [c for c in tried if not c.failure]
+        least = min(c.work for c in good)
+        counted = {self._count(c): c for c in good if c.work <= FAR * least}
+        own = self._count(picked)
+        best = min(own, *counted)
         return {
-            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.accuracy,
-            "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
-            "settled": self.truth.change, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
-            "version": __version__, "runtime": runtime_digest(),
+            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "accuracy": self.scene.accuracy,
+            "picked": asdict(picked), "best": asdict(counted.get(best, picked)), "instructions": [own, best], "ratio": own / best,
+            "choice_seconds": seconds, "counted": [[number, asdict(c)] for number, c in sorted(counted.items(), key=lambda item: item[0])],
+            "settled": self.truth.change, "machine": dict(machine()), "version": __version__, "runtime": runtime_digest(),
         }  # fmt: skip
 
     def _search(self) -> Iterator[Candidate]:
-        fastest: Candidate | None = None
-        for method in METHODS:
-            for variant in self._variants(method):
-                of = {"variant": variant.name, "method": method, "fastest": fastest and asdict(fastest)}
-                for found in (Candidate(**record) for record in self._get(of, partial(self._try, variant, fastest))["candidates"]):
-                    if not found.failure and (fastest is None or found.seconds < fastest.seconds):
-                        fastest = found
-                    yield found
+        least = inf
+        for variant, scene, method in self._formulations():
+            for found in self._of_method(variant, scene, method, least):
+                least = min(least, found.work if not found.failure else inf)
+                yield found
 
-    def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
-        by = trials_by(variant)
-        tried = [(find, by(integrator)) for find, integrator in searches(variant)]
-        found = [(find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest), trials) for find, trials in tried]
-        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c, trials in found]}
+    def _formulations(self) -> Iterator[tuple[ReducedModel, Scene, str]]:
+        for variant in self.variants:
+            for loops in Loops:
+                scene = with_loops(variant.scene, loops)
+                if loops == Loops.EMBEDDED and not with_requested_loops(variant.model, scene, "recursive").embedded_loops:
+                    continue
+                for method in METHODS.values():
+                    if loops == Loops.EXACT or method.functions:
+                        yield variant, scene, method.name
 
-    def _variants(self, method: str) -> list[ReducedModel]:
+    def _of_method(self, variant: ReducedModel, scene: Scene, method: str, least: float) -> Iterator[Candidate]:
+        able = [name for name, i in INTEGRATORS.items() if i.supports(METHODS[method], Implementation.GENERATED)]
+        made: dict[str | None, Trials] = {}
+        for integrator in able:
+            closed = with_default_closure(scene, method, integrator)
+            of = {"variant": variant.name, "method": method, "loops": scene.numerics.loops, "integrator": integrator}
+            tried = self._get({**of, "least": least}, partial(self._try, variant, closed, method, integrator, made, least))
+            yield from map(_candidate, tried["candidates"])
+
+    def _try(
+        self, variant: ReducedModel, scene: Scene, method: str, integrator: str, made: dict[str | None, Trials], least: float
+    ) -> Record:  # fmt: skip
+        found = []
+        empty = Candidate(variant=variant.name, method=method, loops=scene.numerics.loops, steps=Steps(integrator=integrator))
         try:
-            return reduction_sequence(self.model, self.scene, method, approximate=True)
-        except (ModelError, RunError):
-            return []
+            closure = scene.numerics.closure
+            trials = made.get(closure) or made.setdefault(closure, Trials(variant.model, scene, method))
+            crossed = trials.artifact.mechanism.indicators and INTEGRATORS[integrator].events is Events.LOCATED
+            for events in (None, Events.CROSSED)[: 1 + bool(crossed)]:
+                found.append(self._coarsest(replace(empty, steps=Steps(integrator=integrator, events=events)), trials, least))
+        except (ModelError, EquationsError, RunError, SimulatorError) as error:
+            found.append(replace(empty, failure=str(error)))
+        return {"candidates": [asdict(c) for c in found]}
 
-    def _seconds(self, method: str, name: str, steps: Steps) -> float:
-        variant = next(r for r in self._variants(method) if r.name == name)
-        return time_run(at_step(compile_scene(variant.model, variant.scene, CompileOptions(method=method)), steps), steps).seconds
+    def _coarsest(self, empty: Candidate, trials: Trials, least: float) -> Candidate:
+        nearest = replace(empty, failure="no steps keep the accuracy")
+        for steps in steps_of(empty.steps.integrator, self.scene.output_step, empty.steps.events):
+            run = trials.run(steps, {})
+            tried = replace(empty, steps=steps, error=distance(run, self.truth.run), work=trials.work(run, steps))
+            if not run.fallback and tried.error <= SHARE * (self.scene.accuracy or inf):
+                return tried
+            if run.failure is None and tried.work > FAR * least:
+                break
+            nearest = min(nearest, replace(tried, failure=nearest.failure), key=lambda c: c.error)
+        return nearest
 
-    def _get(self, of: dict[str, Any], make: Any) -> Record:
+    def _count(self, candidate: Candidate) -> int:
+        return int(self._get({"counted": asdict(candidate)}, lambda: {"instructions": self._measure(candidate)})["instructions"])
+
+    def _measure(self, candidate: Candidate) -> int:
+        reduced = next((v.model, v.scene) for v in self.variants if v.name == candidate.variant)
+        choice = Choice(chosen=candidate, evidence=(), reference_change=0.0, reduced=reduced)
+        model, scene = chosen_model(self.model, self.scene, choice)
+        artifact = compile_scene(model, scene, CompileOptions(method=candidate.method, flags=FLAGS))
+        whole, start = (count(make_simulator_run(artifact, Options(end=end)))[0] for end in (scene.end, scene.output_step))
+        return whole - start
+
+    def _get(self, of: dict[str, Any], make: Callable[[], Record]) -> Record:
         about = {"model": self.model.content, "scene": repr(asdict(self.scene)), "version": __version__, "runtime": runtime_digest(), **of}
         return self.store.get(about, make)
 
 
+def _candidate(record: Record) -> Candidate:
+    return Candidate(**{**record, "steps": Steps(**record["steps"])})
+
+
+def _cpu_seconds() -> float:
+    return sum(used.ru_utime + used.ru_stime for used in map(getrusage, (RUSAGE_SELF, RUSAGE_CHILDREN)))
+
+
 def _print(rows: list[Record]) -> None:
-    table = Table(title="method auto beside an exhaustive search", title_justify="left", box=None)
-    for heading in ("scene", "accuracy", "picked", "error", "ms", "best of all", "ms", "ratio"):
+    table = Table(title="method auto beside a full search", title_justify="left", box=None)
+    for heading in ("scene", "accuracy", "picked", "error", "M instr.", "best of all", "M instr.", "ratio", "choice, CPU s"):
         table.add_column(heading, justify="left")
     for row in rows:
-        picked, best = ([c["method"], c["variant"], str(Candidate(**c).steps)] for c in (row["picked"], row["best"]))
-        mine, theirs = (f"{1e3 * seconds:.3g}" for seconds in row["seconds"])
+        picked, best = (_candidate(row[name]) for name in ("picked", "best"))
+        mine, theirs = (f"{number / 1e6:.3g}" for number in row["instructions"])
         table.add_row(
-            f"{row['model']} {row['scene']}", f"{row['tolerance']:g}", ", ".join(picked), f"{row['picked']['error']:.1e}", mine,
-            ", ".join(best), theirs, f"{row['ratio']:.2f}",
+            f"{row['model']} {row['scene']}", f"{row['accuracy']:g}", _describe(picked), f"{picked.error:.1e}", mine, _describe(best),
+            theirs, f"{row['ratio']:.2f}", f"{row['choice_seconds']:.1f}",
         )  # fmt: skip
-    Console(highlight=False, width=160).print(table)
+    console, ratios = Console(highlight=False, width=200), [row["ratio"] for row in rows]
+    console.print(table)
+    console.print(f"ratio: median {median(ratios):.2f}, largest {max(ratios):.2f} of {len(ratios)}")
+
+
+def _describe(candidate: Candidate) -> str:
+    steps = candidate.steps
+    parts = (candidate.method, candidate.variant, candidate.loops, steps.integrator, steps.events, str(steps))
+    return ", ".join(part for part in parts if part)
 
 
 if __name__ == "__main__":
