@@ -167,6 +167,73 @@ def test_adaptive_steps_end_at_samples() -> None:
     assert np.abs(columns - servo_by_hand(lambda t: 1 + t)).max() < 1e-10
 
 
+RELAY = """
+cutjoint: 1
+name: relay
+gravity: [0, 0, 0]
+bodies:
+  rotor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.02, 0.02, 0.02]}
+joints:
+  shaft: {kind: revolute, bodies: [ground, rotor], at: [0, 0, 0], axis: [0, 0, 1], spring: {stiffness: 0.5}}
+forces:
+  motor: {kind: joint_force, joint: shaft, law: relay.torque}
+controllers:
+  relay: {every: 1 ms, signals: {torque: "where(shaft.angle > 0.1, -0.02, where(shaft.angle < -0.1, 0.02, relay.torque))"}}
+  notes:
+    every: 2 ms
+    offset: 1 ms
+    signals: {torque: relay.torque}
+    memory: {count: {start: 0, next: count + 1}, peak: {start: 0 rad, next: "max(peak, shaft.angle)"}}
+outputs: [shaft.angle, shaft.angle_rate, relay.torque, notes.torque, notes.count, notes.peak]
+scenes:
+  run: {end: 5, output_step: 2.5 ms, rates: {shaft.angle_rate: 1}}
+"""
+
+
+def relay_by_hand() -> np.ndarray:
+    """The columns at the rows: harmonic oscillations about the angle of the held torque; the relay is before the notes."""
+    stiffness, inertia = 0.5, 0.02
+    omega, torque, noted, count, peak, rows = math.sqrt(stiffness / inertia), 0.0, 0.0, 0, 0.0, []
+    angle, rate = 0.0, 1.0
+    for half in range(10001):
+        if half % 2 == 0:
+            torque = -0.02 if angle > 0.1 else 0.02 if angle < -0.1 else torque
+            if half % 4 == 2:
+                noted, count, peak = torque, count + 1, max(peak, angle)
+        if half % 5 == 0:
+            rows.append([angle, rate, torque, noted, count, peak])
+        rest, c, s = torque / stiffness, math.cos(omega * 5e-4), math.sin(omega * 5e-4)
+        angle, rate = rest + (angle - rest) * c + rate / omega * s, rate * c - (angle - rest) * omega * s
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("integrator", ["dormand-prince", "dop853"])
+def test_samples_that_change_no_force_end_no_step(integrator: str) -> None:
+    """A relay switches at a few of 5001 samples, and nothing that moves reads notes: rows within steps have the values of their time."""
+    model = read_model_text(RELAY, "relay.yaml")
+    trajectory = run(model, integrator=integrator, tolerance=1e-10)
+    columns, known = np.array([trajectory.columns[o.column] for o in model.scenes["run"].outputs]).T, relay_by_hand()
+    assert 5 < np.count_nonzero(np.diff(known[:, 2])) < 20
+    assert (columns[:, 2:5] == known[:, 2:5]).all()
+    assert np.abs(columns - known).max() < 1e-8
+    assert trajectory.steps < 1000
+
+
+def test_events_between_samples_that_end_no_step() -> None:
+    """A stop of the shaft at 0.15 rad is met by steps that pass samples; where notes read an acceleration, steps end at each of theirs."""
+    text = RELAY.replace(
+        "controllers:", '  stop: {kind: joint_force, joint: shaft, law: "where(position > 0.15, 40*(0.15 - position), 0)"}\ncontrollers:'
+    )
+    passing, ending = (
+        run(read_model_text(each, "relay.yaml"), integrator="dormand-prince", tolerance=1e-10)
+        for each in (text, text.replace("torque: relay.torque}", "torque: relay.torque + 1e-30*rotor.ax}"))
+    )
+    assert passing.statistics.events == ending.statistics.events > 10
+    assert 2 * passing.steps < 2500 <= ending.steps
+    for name in ("shaft.angle", "relay.torque", "notes.count", "notes.peak"):
+        assert np.abs(passing.columns[name] - ending.columns[name]).max() < 1e-8, name
+
+
 REACTIONS = """
 cutjoint: 1
 name: pushed

@@ -4,7 +4,6 @@ The unknown of a step is x', with which x changes by ``damping``.  The function 
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from itertools import count
 
 from cutjoint.formulate.inputs import DISCRETE_STATES, discrete_state_name, elements_read
 from cutjoint.formulate.layout import Slot, StateLayout
@@ -95,17 +94,18 @@ def sample_slots(model: Model) -> Mapping[str, Slot]:
 
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     """The controllers as steps know them: name, place in the model file, times (s), and the number of discrete states of each.
-    ``affects_motion`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others. One that is
-    ``accelerated`` reads more of a state than coordinates and speeds at its samples."""
+    ``affects`` has a digit for each of these: 1 if accelerations, states, events or guards read it, plus 2 if samples of later controllers
+    do. One that is ``accelerated`` reads more of a state than coordinates and speeds at its samples."""
     affecting = elements_read((b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values()), DISCRETE_STATES)
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
-    described, number = list[dict[str, object]](), count()
+    described, end = list[dict[str, object]](), 0
     for controller in equations.topology.model.controllers:
-        own = [next(number) for _ in controller.discrete_states]
+        own = range(end, end := end + len(controller.discrete_states))
         reached = reachable_blocks(sample[f"{SAMPLE}:{i}"] for i in own if sample)
+        later = elements_read(list(sample.values())[end:], DISCRETE_STATES)
         described.append({
             "name": controller.name, "place": controller.span.place, "every": controller.every, "offset": controller.offset,
-            "discrete": len(own), "affects_motion": "".join(str(int(i in affecting)) for i in own),
+            "discrete": len(own), "affects": "".join(str((i in affecting) + 2 * (i in later)) for i in own),
             "accelerated": any(
                 b.op == "symbol" and b.binding is BindingTime.ITERATION and not str(b.data).startswith(("q:", "v:")) for b in reached
             ),

@@ -44,7 +44,7 @@ inline Description read_description(const Json& d) {
   found.domains = read_list(d.at("domains"), [](const Json& x) { return Domain{text(x, 0), text(x, 1), text(x, 2), x.at(3), x.size() > 4 ? x.at(4).get<int>() : -1}; });
   found.indicators = read_list(d.at("indicators"), [](const Json& s) { return EventIndicator{text(s, 0), text(s, 1), s.at(2), s.at(3)}; });
   found.controllers = read_list(d.at("controllers"), [](const Json& c) {
-    return Controller{text(c, 0), text(c, 1), {.every = c.at(2), .offset = c.at(3), .discrete = c.at(4), .affects_motion = text(c, 5), .accelerated = c.at(6)}};
+    return Controller{text(c, 0), text(c, 1), {.every = c.at(2), .offset = c.at(3), .discrete = c.at(4), .affects = text(c, 5), .accelerated = c.at(6)}};
   });
   found.states = d.at("states");
   found.nominals = d.at("nominals").get<std::vector<double>>();

@@ -60,10 +60,11 @@ class Sampling {
     std::fill(memory_.numbers.begin(), memory_.numbers.end(), 0L);
   }
 
-  /// The time of the next sample; infinity without controllers.
-  Real next() const {
+  /// The time of the next sample, or of the next that reads accelerations or multipliers; infinity if there is none.
+  Real next(bool accelerated = false) const {
     Real next = std::numeric_limits<Real>::infinity();
-    for (std::size_t i = 0; i < times_.size(); ++i) next = std::min(next, time_of(i));
+    for (std::size_t i = 0; i < times_.size(); ++i)
+      if (!accelerated || times_[i].accelerated) next = std::min(next, time_of(i));
     return next;
   }
 
@@ -89,16 +90,19 @@ class Sampling {
   /// The destination of the next values of all controllers.
   Real* next_values() { return next_.data(); }
 
-  /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.  `changes`: one has changed; `affects`: the motion
-  /// depends on one that has.
-  bool take(std::size_t i, bool& changes, bool& affects) {
+  /// What samples at one instant have changed: `any` value, one on which the `motion` depends, and one that `outdates` the next values of later controllers.
+  struct Changes { bool any = false, motion = false, outdates = true; };
+
+  /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.
+  bool take(std::size_t i, Changes& changes) {
     const std::size_t first = first_of(i), end = first + discrete_by(i);
     for (std::size_t k = first; k < end; ++k)
       if (!(next_[k] - next_[k] == Real(0))) return false;
     for (std::size_t k = first; k < end; ++k) {
-      const bool changed = memory_.values[k] != next_[k];
-      changes = changes || changed;
-      affects = affects || (changed && times_[i].affects_motion[k - first] != '0');
+      if (memory_.values[k] == next_[k]) continue;
+      changes.any = true;
+      changes.motion |= (times_[i].affects[k - first] - '0') % 2 > 0;
+      changes.outdates |= times_[i].affects[k - first] > '1';
       memory_.values[k] = next_[k];
     }
     ++memory_.numbers[i];

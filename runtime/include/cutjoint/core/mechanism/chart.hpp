@@ -22,13 +22,13 @@ struct IndicatorPlace {
   bool is_continuous = false;
 };
 
-/// A controller takes samples at `offset` + k `every`, s, and holds `discrete` states in between.  `affects_motion` has a character for each, '0' for one that
-/// only samples and outputs read.  Samples of a controller that is `accelerated` read accelerations or multipliers.
+/// A controller takes samples at `offset` + k `every`, s, and holds `discrete` states in between.  `affects` has a digit for each: 1 if the motion
+/// depends on it, plus 2 if later controllers read it in samples at the same time.  Samples of a controller that is `accelerated` read accelerations or multipliers.
 struct SampleTimes {
   double every;
   double offset;
   int discrete;
-  const char* affects_motion;
+  const char* affects;
   bool accelerated;
 };
 

@@ -1,6 +1,8 @@
 // One simulation of a model. It neither throws nor prints; if its classes know their sizes, all its memory is inside.
 #pragma once
 
+#include <deque>
+
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/inputs/host_inputs.hpp"
 #include "cutjoint/core/start/initialisation.hpp"
@@ -38,8 +40,9 @@ struct StartOf<M> {
 ///
 /// Inputs at `guiding` places move guides.
 ///
-/// A step ends at each controller sample, and the next one begins with the values that the controller then holds. Outputs at the instant of a sample
-/// follow from the new values. Controllers with a common instant are sampled in their order.
+/// A step ends at each controller sample, and the next one begins with the values that the controller then holds.  Adaptive explicit steps of a
+/// simulation that `foresees` pass samples that change nothing on which the motion depends. Outputs at the instant of a sample follow from the
+/// new values. Controllers with a common instant are sampled in their order.
 ///
 /// A mechanism or system without known sizes belongs to a caller, who also provides the inputs and checks guards and violations. It begins at
 /// a start that was found elsewhere.
@@ -435,9 +438,16 @@ class Simulation {
   static constexpr Sizes sizes = static_sizes<Subject>(), start_sizes = static_sizes<M>();
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
   static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
+  static constexpr bool passes_samples = may_sample<Subject> && !Sized<M> && !is_system && Integrator::finds_events && Integrator::adaptive;
   static constexpr bool has_trajectories = Sized<M> && std::is_same_v<Real, double> && start_sizes.inputs > 0;
 
   struct None {};
+
+  /// A sample that a step has passed: its time, that of the next one, and what controllers hold after it.
+  struct Passed {
+    Real t, next;
+    typename SamplingOf<Subject>::Memory after;
+  };
 
   Subject& subject() {
     if constexpr (has_system) return system_;
@@ -701,7 +711,8 @@ class Simulation {
       if (smoothed_.advance_piece(state_.t, rounding())) steps_->restart_after_input_jump(state_);
       next = std::min(next, smoothed_.next_end());
     }
-    if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
+    if constexpr (passes_samples) next = std::min(next, passed_.empty() ? sampling_.next() : passed_.back().next);
+    else if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
     if constexpr (has_trajectories)
       if (trajectories_) next = std::min(next, begin_substep_of_trajectories());
     next = next < until - rounding() ? next : until;
@@ -726,18 +737,22 @@ class Simulation {
   Fault sample() {
     if constexpr (may_sample<Subject>) {
       if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
-      bool changes = false, affects = false;  // since accelerations were found
+      if constexpr (passes_samples)
+        for (; !passed_.empty() && passed_.front().t <= state_.t + rounding(); passed_.pop_front()) sampling_.restore(passed_.front().after);
+      typename Sampling<Subject>::Changes changes;  // since accelerations were found
       Fault fault;
       for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
         if (!sampling_.is_due(i, state_.t, rounding())) continue;
-        if (affects && sampling_.is_accelerated(i)) {
+        if (changes.motion && sampling_.is_accelerated(i)) {
           restart_from_sample();
-          changes = affects = false;
+          changes = {};
         }
-        fault = sample(i, changes, affects);
+        is_reported_ = false;
+        fault = sample(i, sampling_.is_accelerated(i) ? steps_->complete(state_) : state_, changes);
       }
-      if (affects) restart_from_sample();
-      else if (changes) subject().begin_step(state_.t, Real(1));
+      moves_by_samples_ = changes.motion;
+      if (changes.motion) restart_from_sample();
+      else if (changes.any) subject().begin_step(state_.t, Real(1));
       return fault;
     }
     return {};
@@ -757,17 +772,37 @@ class Simulation {
   }
 
   /// A sample reads the accelerations of the previous values.
-  Fault sample(std::size_t controller, bool& changes, bool& affects) {
-    is_reported_ = false;
-    const StateOf<Subject>& x = steps_->complete(state_);
-    subject().begin_step(state_.t, Real(1));
-    subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
+  Fault sample(std::size_t controller, const StateOf<Subject>& x, typename Sampling<Subject>::Changes& changes) {
+    if (changes.outdates || sampling_.is_accelerated(controller)) {
+      subject().begin_step(x.t, Real(1));
+      subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
+      changes.outdates = false;
+    }
     if (substep_watch_.sample)
       if (const Fault fault = substep_watch_.sample(substep_watch_.who, sampling_.first_of(controller), sampling_.discrete_by(controller))) return fault;
-    if (!sampling_.take(controller, changes, affects))
-      return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
+    if (!sampling_.take(controller, changes))
+      return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(x.t),
               .step = number_ + 1};
     return {};
+  }
+
+  /// Pass samples within the last step up to the first that changes what the motion depends on, where the step has to end.  Returns its time, else that of the
+  /// next one after the step.
+  static Real pass_samples(void* who, auto& scheme, Real end) {
+    Simulation& own = *static_cast<Simulation*>(who);
+    const auto before = own.sampling_.memory();
+    if (!own.passed_.empty()) own.sampling_.restore(own.passed_.back().after);
+    StateOf<Subject> x = own.state_;
+    while ((x.t = own.sampling_.next()) < end) {
+      typename Sampling<Subject>::Changes changes;
+      scheme.read_between(x.t, x);
+      for (std::size_t i = 0; i < own.sampling_.size() && !changes.motion; ++i)
+        if (own.sampling_.is_due(i, x.t, own.rounding())) changes.motion = own.sample(i, x, changes) || changes.motion;
+      if (changes.motion) break;
+      own.passed_.push_back({x.t, own.sampling_.next(), own.sampling_.memory()});
+    }
+    own.sampling_.restore(before);
+    return x.t;
   }
 
   void find_residuals(Equations<Subject>& residual, Equations<Subject>& rate) {
@@ -863,7 +898,11 @@ class Simulation {
   /// On failure the state is unchanged.
   Fault take_substep(Real h, Real until) {
     if constexpr (may_sample<Subject> && Integrator::finds_events)
-      if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
+      if (sampling_.any() && settings_.foresees) {
+        const bool passes = passes_samples && !moves_by_samples_;
+        steps_->stepper().limit_before_end(sampling_.next(passes));
+        if constexpr (passes_samples) steps_->stepper().shorten_by({&pass_samples, passes ? this : nullptr});
+      }
     if constexpr (Smoothed::any)
       if (watches_violations() && smoothed_.is_catching_up()) {
         const StateOf<Subject> from = state_;
@@ -921,6 +960,8 @@ class Simulation {
   double counted_ = 0.0;  ///< their total length
   long steps_to_measurement_ = 1;   ///< steps until violations are measured
   bool is_started_ = false, is_reported_ = false;
+  bool moves_by_samples_ = true;  ///< whether the last samples have changed what the motion depends on: a step then ends at the next one
+  [[no_unique_address]] std::conditional_t<passes_samples, std::deque<Passed>, None> passed_;
 };
 
 }  // namespace cutjoint

@@ -132,6 +132,15 @@ class Stepper {
 
   void strike_by(const Strike& strike) { strike_ = strike; }
 
+  /// Set a callback after each accepted step, before its end is final: `end` is that, less rounding.  If it returns an earlier time, the step ends there by its
+  /// interpolant; if a later one, an event up to there may end it.
+  struct Shorten {
+    Real (*call)(void* who, Scheme& scheme, Real end) = nullptr;
+    void* who = nullptr;
+  };
+
+  void shorten_by(const Shorten& shorten) { shorten_ = shorten; }
+
   long steps() const { return counts_.steps; }
   const Counts<typename Scheme::Subject>& counts() const { return counts_; }
   Scheme& scheme() { return scheme_; }
@@ -226,6 +235,8 @@ class Stepper {
       }
       if (attempt.found && attempt.size <= Real(1)) {
         if (const Fault fault = accept(h, attempt.size)) return fault;
+        if (shorten_.who) limit = std::min(limit, shorten_.call(shorten_.who, scheme_, time() - shortest()));
+        if (limit < time() - shortest()) return end_at(limit);
         if (!(span_left >= Real(0))) return {};
         if (whole)
           if (const Fault fault = count_event()) return fault;
@@ -329,11 +340,7 @@ class Stepper {
       scheme_.follow(high);
       if (scheme_.cells().is_continuous(scheme_.found())) high += Real(1e-6);
     }
-    if (scheme_.follow(high) > limit + shortest()) {
-      scheme_.follow_to(limit);
-      if (const Fault fault = scheme_.finish()) return fault;
-      return scheme_.restart();
-    }
+    if (scheme_.follow(high) > limit + shortest()) return end_at(limit);
     for (Real more = sharp() / 16; more < Real(1e-3); more *= 8) {  // settling must not take the state back
       scheme_.follow(high);
       if (const Fault fault = scheme_.finish()) return fault;
@@ -341,6 +348,13 @@ class Stepper {
       if (which < counts_.by_indicator.size()) return change(which);
       high += more;
     }
+    return scheme_.restart();
+  }
+
+  /// The last step ends at a time, in the mode that it had.
+  Fault end_at(Real t) {
+    scheme_.follow_to(t);
+    if (const Fault fault = scheme_.finish()) return fault;
     return scheme_.restart();
   }
 
@@ -401,6 +415,7 @@ class Stepper {
   Progress<Real> now_;
   Watch watch_;
   Strike strike_;
+  Shorten shorten_;
   Counts<typename Scheme::Subject> counts_;
 };
 
