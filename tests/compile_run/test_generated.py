@@ -12,8 +12,10 @@ import pytest
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit import view
+from cutjoint.model.read import read_model
 from cutjoint.model.records import JointKind, Numerics
-from tests.compile_run.generated import examined, interpret, random_states, run_evaluate
+from cutjoint.run.scenes import find_scene
+from tests.compile_run.generated import examined, interpret, random_states, run_evaluate, run_functions
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms import random_models
 from tests.mechanisms.chains import pendulums_in_a_row
@@ -47,19 +49,20 @@ def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, 
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_long_functions_are_compiled_in_parts(monkeypatch: pytest.MonkeyPatch, compiler: str) -> None:
+def test_long_functions_are_compiled_in_parts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, compiler: str) -> None:
     monkeypatch.setenv("CXX", compiler)
     monkeypatch.setattr(view, "LONG", 20)
     monkeypatch.setattr(view, "PART", 10)
-    artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
-    labels = re.findall(r"CUTJOINT_PART\(part_(\d+)\)", artifact.source.files["evaluate.cpp"])
+    model = read_model(MODELS / "four_bar.yaml")
+    flat = find_scene(model, "swing")
+    flat = replace(flat, numerics=replace(flat.numerics, penalty=1e4, frequency=10.0))
+    equations, _, source = generate(model, flat, ())
+    labels = re.findall(r"CUTJOINT_PART\(part_(\d+)\)", source.files["evaluate.cpp"])
     assert len(labels) > 3
     assert sorted(set(map(int, labels))) == list(map(int, labels))
-    states = random_states(artifact.equations, 3, seed=5)
-    flat = replace(artifact.scene, numerics=replace(artifact.scene.numerics, penalty=1e4, frequency=10.0))
-    found = run_evaluate(examined(artifact.source, artifact.binary.flags), artifact.topology.model, flat, states)
-    for state, results in zip(states, found, strict=True):
-        for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
+    states = random_states(equations, 3, seed=5)
+    for state, results in zip(states, run_functions(source, tmp_path, model, flat, states), strict=True):
+        for name, values in interpret(equations, state).items():
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name
 
 
@@ -79,7 +82,7 @@ def test_lanes_in_avx2_registers_equal_the_interpreter() -> None:
 
 @pytest.mark.parametrize("kind", list(JOINTS))
 @pytest.mark.parametrize("closed", with_heavy([True, False], False))
-def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str, closed: bool) -> None:
+def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str, closed: bool, tmp_path: Path) -> None:
     """Trees with joints of one kind, and a loop that a cut joint of the kind closes."""
     if closed and kind is JointKind.FREE:
         pytest.skip("closes no loop")
@@ -87,7 +90,7 @@ def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str, closed:
     scene = replace(random_models.scene(), numerics=Numerics(penalty=1e4, closure="penalty"))
     equations, _, source = generate(model, scene, ())
     states = random_states(equations, 2, seed=2)
-    for state, results in zip(states, run_evaluate(examined(source), model, scene, states), strict=True):
+    for state, results in zip(states, run_functions(source, tmp_path, model, scene, states), strict=True):
         for name, values in interpret(replace(equations, scene=scene), state).items():
             scale = max(1.0, float(np.abs(values).max(initial=0.0)))
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-9 * scale, name

@@ -19,13 +19,9 @@ from .values import FOLDER, MODEL, bad_values
 pytestmark = needs_cpp
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compiled() -> None:
-    compile_first()
-
-
 @pytest.mark.parametrize(("name", "option"), list(options()), ids=lambda x: x if isinstance(x, str) else x.name)
 def test_bad_values(name: str, option: click.Parameter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compile_first(name)
     monkeypatch.chdir(tmp_path)
     found = []
     for i, (value, refused) in enumerate(bad_values(option, reads_model=reads_model(name))):

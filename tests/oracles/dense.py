@@ -143,6 +143,7 @@ class DenseMechanism(DenseForces):
             if p.binding is Binding.INPUT:
                 self._values[p.symbol] = sympy.sympify(scene.inputs.get(p.name, p.value)).subs(self._values)
         self._functions: dict[tuple[object, tuple[object, ...]], Callable[..., float]] = {}
+        self._numbers: dict[object, float] = {}
         self.layout = _layout(topology)
         self.nq = sum(x.scalars + 4 * x.ball for x in self.layout.values())
         self.nv = sum(x.scalars + 3 * x.ball for x in self.layout.values())
@@ -160,7 +161,9 @@ class DenseMechanism(DenseForces):
 
     def number(self, expression: object) -> float:
         """The value of an expression over parameters."""
-        return float(sympy.sympify(expression).subs(self._values))
+        if expression not in self._numbers:
+            self._numbers[expression] = float(sympy.sympify(expression).subs(self._values))
+        return self._numbers[expression]
 
     def vector(self, expressions: tuple[object, ...]) -> Array:
         """The values of a design vector."""
