@@ -22,7 +22,8 @@ REASONS = {
         "a car on a skid pad, a leaning motorcycle whose wheel spins have no initial guess", "the paper's scenes: airborne time and peaks",
     ),
     "a solver or numbers that take minutes to compile": (
-        "all functions of the recursion", "A, B, C, D of a linearisation, E, F by parameters, and step derivatives",
+        "all functions of the recursion", "tangents of the implicit methods",
+        "A, B, C, D of a linearisation, E, F by parameters, and step derivatives",
         "least squares and eigenvalues of the core",
     ),
     "hundreds of runs, or steps of more digits": (

@@ -153,7 +153,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_ranks_are_the_oracles": ("1", "7"),
     },
     "tests/analysis/test_neutral.py": {
-        "test_a_line_names_the_largest_side_force_of_standing_tyres": ("kind: revolute*",),
+        "test_a_line_names_the_largest_side_force_of_standing_tyres": ("*kind: revolute*",),
     },
     "tests/analysis/test_redundancy.py": {
         "test_what_is_kept_is_independent_and_any_named_equation_may_go_instead": ("7", "9"),
@@ -178,14 +178,13 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
     "tests/formulate/test_against_dense.py": {
         "test_cut_joint": (
-            "fixed-roots", "revolute-roots", "prismatic-roots", "cylindrical-roots", "screw-roots", "screw-parent", "universal-branch",
+            "fixed-roots", "revolute-roots", "prismatic-roots", "cylindrical-roots", "screw-roots",
             "universal-roots", "planar-roots", "spherical-roots", "point_on_line-roots", "distance-roots", "constant_velocity-roots",
             "point_on_plane-roots", "parallel_axes-roots",
         ),
         "test_tree_joint": (
-            "fixed-normal-0", "revolute-normal-0", "prismatic-normal-0", "cylindrical-normal-0", "screw-normal-0", "universal-normal-0",
-            "universal-reversed-0", "planar-normal-0", "spherical-normal-0", "point_on_line-normal-0", "distance-normal-0",
-            "free-normal-0", "constant_velocity-normal-0", "point_on_plane-normal-0", "parallel_axes-normal-0",
+            "screw-normal-0", "universal-reversed-0", "planar-normal-0", "point_on_line-normal-0", "distance-normal-0",
+            "constant_velocity-normal-0", "point_on_plane-normal-0", "parallel_axes-normal-0",
         ),
         "test_cut_joint_to_ground": ("universal-*", "distance-*", "planar-base_inside"),
         "test_random_tree": ("[12]",),
@@ -227,11 +226,11 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_motion_does_not_depend_on_the_root": ("universal", "screw", "planar", "point_on_line"),
     },
     "tests/formulate/test_mirror.py": {
-        "test_the_image_moves_as_the_mirror_shows": ("*-True-y", "*-False-x"),
+        "test_the_image_moves_as_the_mirror_shows": ("*-True-y",),
     },
     "tests/formulate/test_natural.py": {
         "test_cut_joint": ("point_on_line-parent",),
-        "test_tree_joint": ("universal-reversed",),
+        "test_tree_joint": ("screw-reversed",),
         "test_reaction_of_a_cut_joint": ("screw",),
         "test_tangents": ("slider_crank-None",),
         "test_model": ("*slider_crank*", "*flyball*"),
@@ -250,7 +249,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_loops": ("1",),
     },
     "tests/formulate/test_rotors.py": {
-        "test_rotors_move_as_other_bodies_do": ("loops", "free"),
+        "test_rotors_move_as_other_bodies_do": ("tree", "free"),
     },
     "tests/formulate/test_samples.py": {
         "test_samples_are_what_outputs_report": ("recursive-newton-0",),
@@ -280,6 +279,8 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
     "tests/program/test_lowering.py": {
         "test_scalars_give_what_blocks_give": ("tree-1-*", "loops-1-*", "loops-5-*", "chosen-0-*", "four_bar-*"),
+        "test_a_node_is_known_no_earlier_than_its_arguments": ("tree-1", "loops-1", "loops-5", "chosen-*", "four_bar"),
+        "test_equal_nodes_are_one": ("tree-1", "loops-1", "loops-5", "chosen-*", "four_bar"),
         "test_stages_run_in_turn": ("tree-1", "loops-1", "loops-5", "chosen-1"),
     },
     "tests/reduce/test_passes.py": {
@@ -288,6 +289,9 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "tests/reduce/test_planar.py": {
         "test_a_mechanism_in_its_plane_moves_as_before": ("augmented*",),
         "test_any_tree_in_a_plane": ("[0-4]",),
+    },
+    "tests/report/test_explain.py": {
+        "test_the_tree_is_a_list_indented_by_depth": ("four_bar",),
     },
     "tests/sparse/test_factorisation.py": {
         "test_indefinite_systems": ("1-straight",),

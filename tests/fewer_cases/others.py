@@ -231,7 +231,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
     "tests/view/test_glb.py": ("test_what_is_not_sound_is_named[content21-*]", "test_parts_that_stand_often_are_made_one_by_one"),
     "tests/view/test_gltf.py": (
         "test_keyframes_are_where_the_table_says[iltis-*]", "test_the_validator_has_nothing_to_say[iltis]",
-        "test_the_validator_takes_motions",
+        "test_the_validator_takes_motions", "test_the_page_of_ten_seconds_is_below_five_megabytes",
     ),
     "tests/view/test_graph.py": ("test_every_element_is_there_once[iltis_driven]", "test_bodies_do_not_cover_each_other[iltis_driven]"),
     "tests/view/test_live.py": ("test_the_command_says_where_it_is_seen", "test_files_and_hosts_are_apart"),
@@ -253,7 +253,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_every_joint_kind_compiles_and_equals_the_interpreter": ("*universal",),
     },
     "tests/compile_run/test_loops.py": {
-        "test_loops_compile": ("balls", "conditions, natural", "numbers, batch"),
+        "test_loops_compile": ("numbers, batch",),
     },
     "tests/coupling/test_misbehaving.py": {
         "test_what_changes_no_value_leaves_the_table_whole": ("DoStep-flood",),
@@ -277,7 +277,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
     "tests/fmu/test_exchange.py": {
         "test_cvode_has_the_motion_of_the_command_line": ("press-2",),
-        "test_what_changes_depends_on_what_was_changed": ("spinning", "driven"),
+        "test_what_changes_depends_on_what_was_changed": ("spinning",),
         "test_states_are_chosen_anew_as_a_ball_turns_and_the_motion_stays": ("3",),
         "test_directional_derivatives_are_those_of_a_closed_form": ("2",),
         "test_co_simulation_beside_model_exchange_is_that_alone": ("2",),
@@ -287,7 +287,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_fmpy_finds_nothing_wrong": ("3-*", "2-driven*"),
     },
     "tests/fmu/test_steps.py": {
-        "test_outputs_that_change_at_the_start_depend_on_what_was_set": ("*-3",),
+        "test_outputs_that_change_at_the_start_depend_on_what_was_set": ("driven-2", "press-3"),
         "test_states_go_on_bit_by_bit_in_any_instance": ("3",),
         "test_states_before_the_start_return_there": ("3",),
         "test_instances_are_independent_and_reset": ("3",),

@@ -94,7 +94,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_simulation_that_a_host_holds_has_states[recursive-newton]", "test_loops_move_as_without_states[augmented]",
         "test_loops_move_as_without_states[classical]", "test_generated_code_has_the_motion_of_the_interpreter",
     ),
-    "tests/physics/test_steady_motions.py": ("test_a_governor", "test_the_motion_is_steady[text7]"),
+    "tests/physics/test_steady_motions.py": ("test_a_library_car_on_a_circle", "test_the_motion_is_steady[text7]"),
     "tests/physics/test_terrain.py": (
         "test_a_host_gives_it_before_each_step", "test_a_host_has_inputs_that_no_file_names",
         "test_a_car_comes_to_rest_wherever_the_ground_lifts_it", "test_a_wheel_whose_forces_read_its_contact_has_it_too",

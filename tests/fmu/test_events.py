@@ -154,7 +154,7 @@ def test_steps_end_where_an_update_wants_it(wanted: float, reached: float) -> No
 
 
 def test_nobody_ends_a_step_that_must_not_end_early() -> None:
-    slave = bouncing("rk4", update=lambda time: time)
+    slave = bouncing(update=lambda time: time)
     assert slave.step(0.0, 0.1) == OK
     assert (slave.early, slave.last) == (False, 0.1)
 
