@@ -48,11 +48,6 @@ def pytest_configure(config: pytest.Config) -> None:
         wasm._CXX, wasm._C = (tuple("-O0" if word == "-O2" else word for word in words) for words in (wasm._CXX, wasm._C))
 
 
-def unoptimised() -> dict[str, str]:
-    """Variables of a process that loads models, by which `make test` compiles them without optimisation."""
-    return {} if os.environ.get("CUTJOINT_TEST_CODE") == "generated" or not _FAST else {"CUTJOINT_FLAGS": "-O0"}
-
-
 #: Compilers are found by tests with this mark only; `make quick` leaves these out.
 needs_cpp = pytest.mark.cpp
 

@@ -87,7 +87,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
     ),
     "tests/physics/test_starts.py": (
         "test_a_truck_and_trailer_at_20_m_s", "test_a_motorcycle_that_leans", "test_a_car_on_its_tyres",
-        "test_the_iltis_on_softer_tyres",
+        "test_the_iltis_on_softer_tyres", "test_a_car_on_a_circle",
     ),
     "tests/physics/test_states.py": (
         "test_a_simulation_that_a_host_holds_has_states[recursive]", "test_hosts_of_fmus_integrate_states",

@@ -82,7 +82,7 @@ def make_system(model: Model, scene: Scene) -> System:
 
 
 def moved(system: System, q: Array, delta: Array) -> Array:
-    return retract(system.equations.start, q, delta)
+    return retract(system.equations.start, np.broadcast_to(q, (*delta.shape[:-1], len(q))), delta)
 
 
 def turns(system: System, delta: Array) -> Array:
@@ -119,11 +119,9 @@ def balance(system: System, at: dict[str, Array], x: Array) -> Array:
 
 def differences(system: System, at: dict[str, Array]) -> Array:
     """The tangent by differences of fourth order."""
-    h, columns = 1e-3, []
-    for e in h * np.eye(system.n):
-        near, far = (balance(system, at, k * e) - balance(system, at, -k * e) for k in (1, 2))
-        columns.append((8 * near - far) / (12 * h))
-    return np.array(columns).T
+    h = 1e-3
+    up, down, far_up, far_down = balance(system, at, h * np.multiply.outer([1, -1, 2, -2], np.eye(system.n)))
+    return np.asarray((8 * (up - down) - (far_up - far_down)).T / (12 * h))
 
 
 def verify_tangent(system: System, seed: int, moves: float = 0.3) -> int:

@@ -324,19 +324,13 @@ def differences(pair: Pair, q: Array, v: Array, vdot: Array) -> tuple[Array, Arr
     """M, C, K and Phi_q by central differences of balance and residual, multipliers zero."""
     h = 1e-6
 
-    def column(name: str, i: int) -> tuple[Array, Array]:
-        step = h * np.eye(pair.n)[i]
-        values = []
-        for sign in (1, -1):
-            moved = {"q": q, "v": v, "vdot": vdot}
-            moved[name] = moved[name] + sign * step
-            values.append(pair.call("dynamic_residual", **moved))
-        derivatives = [(values[0][name] - values[1][name]) / (2 * h) for name in ("force_residual", "residual")]
-        return derivatives[0], derivatives[1]
-
     def matrix(name: str) -> tuple[Array, Array]:
-        columns = [column(name, i) for i in range(pair.n)]
-        return np.array([c[0] for c in columns]).T, np.array([c[1] for c in columns]).T
+        moved = {"q": q, "v": v, "vdot": vdot}
+        moved[name] = moved[name] + h * np.multiply.outer([1, -1], np.eye(pair.n))
+        values = pair.call("dynamic_residual", **moved)
+        both = (np.broadcast_to(values[of], (2, pair.n, values[of].shape[-1])) for of in ("force_residual", "residual"))
+        forces, gaps = ((up - down).T / (2 * h) for up, down in both)
+        return forces, gaps
 
     (K, J), (C, _), (M, _) = matrix("q"), matrix("v"), matrix("vdot")
     return M, C, K, J

@@ -10,6 +10,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import which
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -182,18 +183,30 @@ def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], St
     return files, make_standalone(generated, integrator=integrator, equal_steps=True, lanes=False)
 
 
+@cache
+def _mathematics_by(by: str) -> dict[str, bytes]:
+    """The object files of the mathematical library, which is that of all models."""
+    own = mathematics()
+    with TemporaryDirectory() as folder:
+        for file, text in own.files.items():
+            (Path(folder) / Path(file).name).write_text(text, encoding="utf-8")
+        sources = sorted(Path(file).name for file in own.files if file.endswith(".c"))
+        subprocess.run([by, *own.c, "-include", "names.h", "-O1", "-fPIC", "-c", *sources], cwd=folder, check=True)
+        return {f"libm/{path.name}": path.read_bytes() for path in sorted(Path(folder).glob("*.o"))}
+
+
 def compile_c99(files: Mapping[str, str], place: Path, name: str, by: str = "gcc") -> Path:
     """The shared library of C99 code, which has to compile without a warning, with its own mathematics."""
     own = mathematics()
+    for file, content in _mathematics_by(by).items():
+        (place / file).parent.mkdir(parents=True, exist_ok=True)
+        (place / file).write_bytes(content)
     for file, text in files.items():
         (place / file).parent.mkdir(parents=True, exist_ok=True)
         (place / file).write_text(text, encoding="utf-8")
     named = ("-include", "libm/names.h")
     subprocess.run([by, *C, *own.cxx, *named, "-O1", "-fPIC", "-c", f"{name}.c"], cwd=place, check=True)
-    sources = [path.name for path in sorted((place / "libm").glob("*.c"))]
-    subprocess.run([by, *own.c, "-include", "names.h", "-O1", "-fPIC", "-c", *sources], cwd=place / "libm", check=True)
-    objects = [f"libm/{source[:-2]}.o" for source in sources]
-    subprocess.run([by, "-shared", f"{name}.o", *objects, "-lm", "-o", "made.so"], cwd=place, check=True)
+    subprocess.run([by, "-shared", f"{name}.o", *_mathematics_by(by), "-lm", "-o", "made.so"], cwd=place, check=True)
     return place / "made.so"
 
 
