@@ -31,20 +31,17 @@ os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a mach
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`;
-    else compile loaded models, FMUs, C exports and code of sweeps, which share no libraries with others, without optimisation: in half
-    the time."""
+    else compile loaded models, FMUs and C exports, which share no libraries with others, without optimisation: in half the time."""
     if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
         os.environ["CUTJOINT_TEST_CODE"] = "generated"
     elif _FAST:
         from cutjoint.export.fmu.archive import Fmu
         from cutjoint.stepping import load
-        from cutjoint.sweeps import reading
         from cutjoint.toolchain import wasm
 
         for function in (load.load, load.load_scene):
             function.__kwdefaults__["flags"] = ("-O0",)
         Fmu.build.__defaults__ = (("-O0",),)
-        reading.FLAGS = ("-O0",)
         wasm._CXX, wasm._C = (tuple("-O0" if word == "-O2" else word for word in words) for words in (wasm._CXX, wasm._C))
 
 
