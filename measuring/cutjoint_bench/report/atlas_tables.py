@@ -40,7 +40,7 @@ def _condition(of: Mapping[str, Any]) -> tuple[str, ...]:
 def tabulate_reasons(atlas: Atlas) -> BenchTable | None:
     """Why runs do not converge, a row a method, number type, outcome and reason; None if all converge."""
     rows = tuple(_reason(reason, atlas) for reason in find_reasons(atlas))
-    head = ("method, number type", "outcome", "runs", "steps, ms", _varied(atlas), "reason", "a run says")
+    head = ("method, number type", "outcome", "reason", "runs", "steps, ms", _varied(atlas), "a run says")
     return BenchTable(head=head, rows=rows) if rows else None
 
 
@@ -55,7 +55,7 @@ def _reason(reason: Reason, atlas: Atlas) -> tuple[str, ...]:
     own = ["own"] if len(given) < len(reason.cells) else []
     varied = ", ".join([*own, *([_range(given)] if given else [])])
     message = reason.message if len(reason.message) <= _LETTERS else f"{reason.message[:_LETTERS]} ..."
-    return (f"{reason.method}, {reason.precision}", reason.outcome, str(len(reason.cells)), steps, varied, reason.words, message)
+    return (f"{reason.method}, {reason.precision}", reason.outcome, reason.words, str(len(reason.cells)), steps, varied, message)
 
 
 def _range(values: Sequence[float]) -> str:
