@@ -19,6 +19,7 @@ from cutjoint.topology.reading import read_model
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.choices import choice_lines
 from cutjoint_bench.contenders import choose, groups
+from cutjoint_bench.cutjoint_contenders import TOLERANCES as NUMBER_TYPES
 from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.records import Case
@@ -32,7 +33,7 @@ MOST_SECONDS = 3.0
 
 def run_bench(
     *, models: Sequence[Path], scenes: Sequence[str], methods: Sequence[str], out: Path, end: float | None, row: float | None,
-    steps: Sequence[float], repetitions: int, reference: str, limits: bool, drift: bool, atlas: bool, vary: str,
+    steps: Sequence[float], repetitions: int, reference: str, limits: bool, drift: bool, atlas: bool, vary: str, precisions: Sequence[str],
     parameters: Mapping[str, float], link_masses: Mapping[str, float],
 ) -> list[Path]:  # fmt: skip
     """Bench models and write ``bench.json`` and ``bench.html`` into a folder; what was measured there before is not measured again.
@@ -47,7 +48,7 @@ def run_bench(
     plan = Plan(
         cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses, watched=True)),
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
-        drift=drift, atlas=atlas, vary=vary, most_seconds=MOST_SECONDS,
+        drift=drift, atlas=atlas, vary=vary, precisions=precisions, most_seconds=MOST_SECONDS,
     )  # fmt: skip
     measurements, data_file, page_file = (out / name for name in ("measurements.jsonl", "bench.json", "bench.html"))
     require_apart(
@@ -82,6 +83,13 @@ def _listed(text: str) -> list[str]:
     return parts
 
 
+def _precisions(text: str) -> list[str]:
+    names = _listed(text)
+    if unknown := [name for name in names if name not in NUMBER_TYPES]:
+        raise click.BadParameter(f"no number type '{unknown[0]}'; there is {', '.join(NUMBER_TYPES)}")
+    return names
+
+
 def _seconds(text: str) -> list[float]:
     try:
         steps = [read_number(part) for part in _listed(text)]
@@ -107,10 +115,12 @@ def _seconds(text: str) -> list[float]:
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
 @click.option("--limits/--no-limits", default=True, help="Visual for the largest step of each method.")
 @click.option("--drift", is_flag=True, help="Energy and momentum of mechanisms that keep them.")
-@click.option("--atlas", is_flag=True, help="Where each method fails, over step, penalty and number type, and why.")
+@click.option("--atlas", is_flag=True, help="Where each method fails, over step and penalty, and why.")
 @click.option("--vary", default="", metavar="NAME[=V,V]",
               help="A parameter, such as a stiffness or a length, that the atlas varies in place of the penalty; its values in SI units, "
               "else a hundredth to a hundred times its own.")
+@click.option("--precisions", default="double", show_default=True, callback=lambda *x: _precisions(x[2]), metavar="A,B",
+              help=f"Number types of the atlas: {', '.join(NUMBER_TYPES)}.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("results/bench"), show_default=True,
               help="Folder of the report; an interrupted bench goes on there.")
 @table.OPTIONS["changes"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import isnan
 from statistics import median
@@ -46,8 +46,8 @@ class Plan:
 
     ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; runs that would take
     longer than ``most_seconds`` are not begun.  ``reference`` is the number type in which references are integrated, "quad" or "extended",
-    or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``situations`` are hard ones to try;
-    ``title`` stands beside the cases' names.
+    or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``precisions`` are its number
+    types in place of those that suit a case, ``situations`` are hard ones to try; ``title`` stands beside the cases' names.
     """
 
     cases: Sequence[Case]
@@ -61,6 +61,7 @@ class Plan:
     drift: bool = False
     atlas: bool = False
     vary: str = ""
+    precisions: Sequence[str] = ()
     situations: Sequence[Situation] = ()
     title: str = ""
 
@@ -96,7 +97,8 @@ def case_reference(plan: Plan, case: Case, say: Say = silently) -> Reference | N
 
 def grid_of(plan: Plan, case: Case) -> Grid:
     """The axes of a case's atlas."""
-    return suggest_grid(case, parameter=plan.vary)
+    grid = suggest_grid(case, parameter=plan.vary)
+    return replace(grid, precisions=tuple(plan.precisions)) if plan.precisions else grid
 
 
 def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:

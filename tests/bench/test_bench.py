@@ -274,6 +274,7 @@ def test_a_bench_and_its_page(tmp_path: Path) -> None:
         (["--methods", "euler"], "no contender 'euler'; there is recursive,"),
         (["--steps", "0.01,x"], "'0.01,x': write seconds with commas between, such as 0.01,0.005"),
         (["--steps", "0.01,nan"], "'0.01,nan': write seconds with commas between, such as 0.01,0.005"),
+        (["--precisions", "double,half"], "no number type 'half'; there is single, double, extended, quad"),
         (["--row", "inf"], "'inf' is not a plain decimal number"),
     ],
 )
