@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -44,7 +45,13 @@ def find_choices(lines: Sequence[Line], error: str, time_again: TimeAgain) -> li
     are within.  Each is None where there is none.
     """
     usable = [line for line in lines if line["group"] != "peer" and "refused" not in line]
-    return [_choice(usable, target, error, time_again) for target in TARGETS]
+    found = [_choice(usable, target, error, time_again) for target in TARGETS]
+    for choice, stricter in reversed(list(pairwise(found))):
+        rows = [row for row in (choice["fastest"], stricter["fastest"]) if row is not None]
+        choice["fastest"] = min(rows, key=lambda row: row["seconds"], default=None)  # other load may meet all runs of one error
+        if choice["fastest"] and choice["unnamed"] and choice["unnamed"]["seconds"] >= choice["fastest"]["seconds"]:
+            choice["unnamed"] = None
+    return found
 
 
 def choice_lines(data: Mapping[str, Any]) -> Iterator[str]:

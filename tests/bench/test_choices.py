@@ -102,6 +102,13 @@ def test_close_settings_are_timed_again_in_turns() -> None:
     assert (first["fastest"]["command"], first["fastest"]["seconds"]) == ("D", 1.5)
 
 
+def test_a_setting_that_is_faster_and_more_accurate_is_named_for_the_larger_error_too() -> None:
+    """Other load made all runs for 1e-3 slow."""
+    lines = [line("recursive", "generated", point(1e-3, 1.0, 5e-4, command="B"), point(1e-4, 2.0, 5e-5, command="C"))]
+    rounds = iter([[9.0], [2.0], [], [], []])
+    assert [c["fastest"]["command"] for c in find_choices(lines, "outputs", lambda _: next(rounds))[:2]] == ["C", "C"]
+
+
 def test_of_equally_fast_settings_the_simpler_command_is_named() -> None:
     lines = [
         line("recursive/rk4", "integrators", point(1e-3, 1.0, 1e-4, command="B --events crossed"), point(2e-3, 1.04, 1e-4, command="B")),

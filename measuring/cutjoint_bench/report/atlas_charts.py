@@ -82,7 +82,7 @@ def _conditions(atlas: Atlas, value: float | None) -> str:
     found = dict(zip(atlas["axes"]["value"], atlas.get("conditions") or [], strict=False)).get(value)
     if found is None:
         return ""
-    parts = [f"{found['rate']:.2g}/s"] if found["rate"] else []
+    parts = [f"{found['rate']:.3g}/s"] if found["rate"] else []
     return "".join(f" | {part}" for part in (*parts, *([f"{found['closeness']:.1g}"] if found["closeness"] is not None else [])))
 
 
