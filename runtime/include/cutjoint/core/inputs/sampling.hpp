@@ -23,6 +23,9 @@ auto samples_of(const M& subject) {
   }
 }
 
+/// What samples at one instant have changed: `any` value, one on which the `motion` depends, and one that `outdates` the next values of later controllers.
+struct SampleChanges { bool any = false, motion = false, outdates = true; };
+
 /// Whether a mechanism or system may have controllers, as known at compile time.
 template <class M>
 constexpr bool may_sample = !Sized<M> || static_sizes<M>().controllers > 0;
@@ -90,11 +93,8 @@ class Sampling {
   /// The destination of the next values of all controllers.
   Real* next_values() { return next_.data(); }
 
-  /// What samples at one instant have changed: `any` value, one on which the `motion` depends, and one that `outdates` the next values of later controllers.
-  struct Changes { bool any = false, motion = false, outdates = true; };
-
   /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.
-  bool take(std::size_t i, Changes& changes) {
+  bool take(std::size_t i, SampleChanges& changes) {
     const std::size_t first = first_of(i), end = first + discrete_by(i);
     for (std::size_t k = first; k < end; ++k)
       if (!(next_[k] - next_[k] == Real(0))) return false;

@@ -739,7 +739,7 @@ class Simulation {
       if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
       if constexpr (passes_samples)
         for (; !passed_.empty() && passed_.front().t <= state_.t + rounding(); passed_.pop_front()) sampling_.restore(passed_.front().after);
-      typename Sampling<Subject>::Changes changes;  // since accelerations were found
+      SampleChanges changes;  // since accelerations were found
       Fault fault;
       for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
         if (!sampling_.is_due(i, state_.t, rounding())) continue;
@@ -772,7 +772,7 @@ class Simulation {
   }
 
   /// A sample reads the accelerations of the previous values.
-  Fault sample(std::size_t controller, const StateOf<Subject>& x, typename Sampling<Subject>::Changes& changes) {
+  Fault sample(std::size_t controller, const StateOf<Subject>& x, SampleChanges& changes) {
     if (changes.outdates || sampling_.is_accelerated(controller)) {
       subject().begin_step(x.t, Real(1));
       subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
@@ -794,7 +794,7 @@ class Simulation {
     if (!own.passed_.empty()) own.sampling_.restore(own.passed_.back().after);
     StateOf<Subject> x = own.state_;
     while ((x.t = own.sampling_.next()) < end) {
-      typename Sampling<Subject>::Changes changes;
+      SampleChanges changes;
       scheme.read_between(x.t, x);
       for (std::size_t i = 0; i < own.sampling_.size() && !changes.motion; ++i)
         if (own.sampling_.is_due(i, x.t, own.rounding())) changes.motion = own.sample(i, x, changes) || changes.motion;
