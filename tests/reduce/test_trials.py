@@ -43,3 +43,16 @@ def test_the_work_is_that_of_all_evaluations_of_a_run(integrator: str) -> None:
     run = trials.run(steps, {})
     assert trials.work(run, steps) > run.evaluations * trials.artifact.program.instructions("evaluate")
     assert run.evaluations > 2 * run.steps
+
+
+def test_rows_between_steps_take_work() -> None:
+    """The same steps with ten times the rows: each row has accelerations of its own, an evaluation at least."""
+    model, scene = turn()
+    steps, works, runs = Steps(integrator="dormand-prince", tolerance=1e-5), [], []
+    for output_step in (0.02, 0.002):
+        trials = Trials(model, replace(scene, output_step=output_step), "recursive")
+        runs.append(trials.run(steps, {}))
+        works.append(trials.work(runs[-1], steps))
+    assert runs[0].steps == runs[1].steps
+    evaluation = trials.artifact.program.instructions("evaluate")
+    assert works[1] - works[0] > (len(runs[1].t) - len(runs[0].t)) * evaluation

@@ -22,6 +22,7 @@ from cutjoint.run.simulation import simulate
 #: work, for each equation of a loop, or each unknown, and, with coupled stages, for each multiply-add of a factorisation; of a projection
 #: and of a tangent for each of their programs.  Fitted to callgrind's counts of generated code.
 RECURSIVE, PROJECTION, NEWTON, TANGENT = (1.2, 1200.0, 120.0), 9.0, (0.75, 1700.0, 210.0, 4.4), 1.3
+ROWS = (2.2, 1.9), (5.0, 6.5)  #: evaluations and tangents of a row by Newton's iteration, without and with equations of loops
 INTERPRETING = 2e-9  #: the time of an interpreted operation, s
 
 
@@ -60,6 +61,7 @@ class Trials:
         self._scheduled = scheduled or schedule_method(model, scene, scene.outputs, method=method)
         self.artifact: Artifact = compile_interpreted(model, scene, method=method, scheduled=self._scheduled)
         self._operations = self._scheduled[1].operations(self.artifact.iteration)
+        self._iteration = self._scheduled[1].instructions(self.artifact.iteration)
         self._left = compiling_seconds(self._operations, method)
 
     def run(self, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
@@ -76,15 +78,19 @@ class Trials:
         return compile_scene(self.artifact.model, self.artifact.scene, CompileOptions(method=method), generated=generated)
 
     def work(self, run: Trajectory, steps: Steps) -> float:
-        """The estimated instructions of a run's steps; initial positions and velocities take the same by all methods."""
+        """The estimated instructions of a run's steps and of rows between steps, which have accelerations of their own.
+        Initial positions and velocities, and the text of rows, take the same by all methods."""
         (equations, program), method, closing = self._scheduled, METHODS[self.artifact.method], len(self.artifact.mechanism.equation_names)
+        rows = 0 if steps.dt else len(run.t)
         if not isinstance(equations, SystemEquations):
-            projected = PROJECTION * run.steps * program.instructions("project") if steps.dt else 0.0
-            return run.evaluations * weighted(RECURSIVE, program.instructions(method.iteration), 1, closing) + projected
+            evaluation, projection = weighted(RECURSIVE, self._iteration, 1, closing), PROJECTION * program.instructions("project")
+            return (run.evaluations + rows) * evaluation + (rows or run.steps) * projection
         coupled = equations.plan if STEPS[method.name][steps.integrator].by_residual else None
         counts = program.instructions("dynamic_residual"), 1, equations.mechanism.unknowns + closing
         evaluation = weighted(NEWTON, *counts, 0 if coupled is None else coupled.multiply_adds)
-        return run.evaluations * evaluation + run.statistics.factorisations * TANGENT * program.instructions(method.iteration)
+        evaluations, tangents = ROWS[closing > 0]
+        solved = run.statistics.factorisations + tangents * rows
+        return (run.evaluations + evaluations * rows) * evaluation + solved * TANGENT * self._iteration
 
 
 def weighted(weights: Sequence[float], *counts: int) -> float:
