@@ -337,10 +337,10 @@ IMPLEMENTATIONS: ExtensionPoint[Any] = ExtensionPoint(
 )  # fmt: skip
 
 #: The emitted factorisation, and libraries.
-SOLVERS: Catalogue[Solver] = Catalogue(
-    Solver(name="emitted"), Solver(name="eigen-ldlt", symmetric=True), Solver(name="eigen-lu"),
-    added=ExtensionPoint(group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), BENCH)),
-)  # fmt: skip
+SOLVERS: Catalogue[Solver] = Catalogue(Solver(name="emitted"), added=ExtensionPoint(
+    group="cutjoint.solvers", what="a linear solver",
+    packages=dict.fromkeys(("eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack"), BENCH),
+))  # fmt: skip
 
 PRECISIONS: Catalogue[Precision] = Catalogue(
     Precision(name="double", type="double", packed=True),

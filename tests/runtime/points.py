@@ -18,7 +18,7 @@ from cutjoint.package.locations import templates_folder
 from cutjoint.run.results import read_table
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
-from cutjoint_bench.driver import ADDED_SOLVERS
+from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.examine import with_files
 from tests.physics.simulation import is_generated
 
@@ -32,9 +32,7 @@ METHODS = (AUGMENTED, CLASSICAL)
 
 #: Solvers by the method whose matrix they can factor; those of cutjoint-bench, whose driver is another one, in `make full`.
 ADDED = ADDED_SOLVERS if is_generated() else ()
-SOLVERS = {
-    AUGMENTED: ("emitted", "eigen-ldlt", "eigen-lu", *ADDED), CLASSICAL: ("emitted", "eigen-lu", *(s for s in ADDED if s != "cholmod")),
-}
+SOLVERS = {AUGMENTED: ("emitted", *ADDED), CLASSICAL: ("emitted", *(s for s in ADDED if not ALL_SOLVERS[s].symmetric))}
 
 NUMERICS: Mapping[str, Any] = {
     "dt": 1e-3, "penalty": 1e9, "tolerance": 1e-8, "iterations": 50, "multiplier_updates": 4, "fixed_cost": False, "events": None,

@@ -123,7 +123,8 @@ def test_steps_in_parts_do_not_allocate(count: Count) -> None:
     assert taken == 0
 
 
+@pytest.mark.heavy
 def test_what_takes_memory_in_steps(count: Count) -> None:
-    """Known, and docs/background/architecture.md says so: Eigen's L U."""
-    taken, run = count(compile_model(MODELS / "slider_crank.yaml", method="classical"), 1.0, solver="eigen-lu")
+    """Known: Eigen's L U."""
+    taken, run = count(compile_model(MODELS / "slider_crank.yaml", method="classical", additions=["eigen-lu"]), 1.0, solver="eigen-lu")
     assert taken > run.steps

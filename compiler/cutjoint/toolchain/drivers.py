@@ -61,7 +61,7 @@ class Kind:
     def definitions(self, folder: Path) -> tuple[str, ...]:
         """The definitions for CMake; ``folder`` receives copies of extensions whose paths are not plain."""
         number = PRECISIONS[self.precision]
-        extensions = (*self._number_folder(), *self._added_folders())
+        extensions = dict.fromkeys((*self._number_folder(), *self._added_folders()))
         copies = [plain_tree(tree, folder / f"extension_{i}") for i, tree in enumerate(extensions)]
         header = f"{copies[0]}/{number.header}" if number.header else ""
         return (

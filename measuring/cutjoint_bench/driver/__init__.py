@@ -1,4 +1,4 @@
-"""Additions to the drivers of simulators, to compare by: solvers of SuiteSparse, accurate solutions, and number types."""
+"""Additions to the drivers of simulators, to compare by: solvers of Eigen and SuiteSparse, accurate solutions, and number types."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ def _solver(name: str, *, symmetric: bool = False) -> DriverExtension[Solver]:
 
 
 def _number(**record: Any) -> DriverExtension[Precision]:
-    return DriverExtension(record=Precision(**record), folder=_FOLDER / "numbers")
+    return DriverExtension(record=Precision(**record), folder=_FOLDER / "eigen")
 
 
+EIGEN_LDLT, EIGEN_LU = (
+    DriverExtension(record=Solver(name=name, symmetric=symmetric), folder=_FOLDER / "eigen")
+    for name, symmetric in (("eigen-ldlt", True), ("eigen-lu", False))
+)
 CHOLMOD, KLU, UMFPACK = _solver("cholmod", symmetric=True), _solver("klu"), _solver("umfpack")
-ADDED_SOLVERS = tuple(extension.name for extension in (CHOLMOD, KLU, UMFPACK))
+_SOLVERS = {extension.name: extension.record for extension in (EIGEN_LDLT, EIGEN_LU, CHOLMOD, KLU, UMFPACK)}
+ADDED_SOLVERS = tuple(_SOLVERS)
 
-#: The product's solvers and these.
-ALL_SOLVERS: Mapping[str, Solver] = {**SOLVERS, **{extension.name: extension.record for extension in (CHOLMOD, KLU, UMFPACK)}}
+#: The product's solver and these.
+ALL_SOLVERS: Mapping[str, Solver] = {**SOLVERS, **_SOLVERS}
 
 #: Accurate solutions to measure others by: extrapolation in relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural
 #: coordinates (classical).

@@ -10,6 +10,7 @@
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
+#include "eigen/lagrangian.hpp"
 #include "suitesparse/lagrangian.hpp"
 
 namespace {

@@ -3,8 +3,10 @@
 
 #include <stdexcept>
 
+#include <Eigen/SparseLU>
+
 #include "cutjoint/core/newton/guarded_solver.hpp"
-#include "cutjoint/lagrangian/eigen_solvers.hpp"
+#include "cutjoint/lagrangian/solver.hpp"
 
 namespace cutjoint {
 
@@ -15,7 +17,7 @@ concept Factored = requires(const S& system, const typename S::real_type* in, ty
   system.solve(in, out);
 };
 
-/// Sparse pivoting for the classical method, whose matrices are large and often need it.
+/// Eigen's sparse pivoting for the classical method, whose matrices are large and often need it.
 template <class S>
 class SparsePivoting {
  public:
@@ -23,13 +25,34 @@ class SparsePivoting {
 
   explicit SparsePivoting(const S& system) : pattern_(system.description().pattern) {}
 
-  void prepare() { solver_.analyse(pattern_); }
-  Breakdown factor(const Real* values) { return solver_.factor(values); }
-  Breakdown solve(Real* x) { return solver_.solve(x); }
+  void prepare() {
+    const std::vector<Real> values(pattern_.row.size(), Real(1));
+    matrix_ = Eigen::Map<const Matrix>(pattern_.size, pattern_.size, static_cast<Eigen::Index>(values.size()), pattern_.first.data(), pattern_.row.data(), values.data());
+    solver_.analyzePattern(matrix_);
+    solution_.resize(pattern_.size);
+  }
+
+  Breakdown factor(const Real* values) {
+    std::copy_n(values, matrix_.nonZeros(), matrix_.valuePtr());
+    solver_.factorize(matrix_);
+    return solver_.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
+  }
+
+  Breakdown solve(Real* x) {
+    Eigen::Map<Vector> unknown(x, solution_.size());
+    solution_ = solver_.solve(unknown);
+    unknown = solution_;
+    return {};
+  }
 
  private:
+  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+  using Matrix = Eigen::SparseMatrix<Real>;
+
   const Pattern& pattern_;
-  EigenLu<Real> solver_;
+  Matrix matrix_;
+  Eigen::SparseLU<Matrix> solver_;
+  Vector solution_;
 };
 
 /// The emitted factorisation; checked if the matrix is not symmetric, since any pivot order is safe only for a positive definite one.

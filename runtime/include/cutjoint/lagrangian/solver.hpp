@@ -28,7 +28,7 @@ class LinearSolver {
   virtual long fallbacks() const { return 0; }
 };
 
-/// A solver built into a program: its name, whether it needs a symmetric matrix, and its factory.
+/// A solver that an extension builds into a program: its name, whether it needs a symmetric matrix, and its factory.
 template <class Real>
 struct SolverKind {
   std::string_view name;
@@ -39,9 +39,12 @@ struct SolverKind {
 template <class Solver, class Real>
 std::unique_ptr<LinearSolver<Real>> make_solver() { return std::make_unique<Solver>(); }
 
-/// The library solvers of this program: those of Eigen (driver/solvers.cpp), then those of extensions.
+/// The library solvers of this program.
 template <class Real>
-std::vector<SolverKind<Real>>& library_solvers();
+std::vector<SolverKind<Real>>& library_solvers() {
+  static std::vector<SolverKind<Real>> all;
+  return all;
+}
 
 /// The settings of a simulation whose solver is chosen by name.
 struct ChosenSettings : SimulationSettings {

@@ -5,7 +5,6 @@
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
 
-#include "cutjoint/lagrangian/matrix.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 
 namespace cutjoint {
@@ -62,20 +61,20 @@ class EigenLdlt final : public LinearSolver<Real> {
   Vector solution_;
 };
 
-/// SparseLU, which pivots in each factorisation, with its default ordering, COLAMD.
+/// SparseLU, which pivots in each factorisation, with its default ordering, COLAMD; a symmetric matrix is completed first.
 template <class Real>
 class EigenLu final : public LinearSolver<Real> {
  public:
   void analyse(const Pattern& pattern) override {
-    whole_.emplace(pattern);
-    matrix_ = make_matrix<Real>(whole_->pattern());
-    solver_.analyzePattern(matrix_);
+    matrix_ = make_matrix<Real>(pattern);
+    symmetric_ = pattern.symmetric;
+    solver_.analyzePattern(symmetric_ ? mirrored() : matrix_);
     solution_.resize(pattern.size);
   }
 
   Breakdown factor(const Real* values) override {
-    whole_->fill(values, matrix_.valuePtr());
-    solver_.factorize(matrix_);
+    std::copy_n(values, matrix_.nonZeros(), matrix_.valuePtr());
+    solver_.factorize(symmetric_ ? mirrored() : matrix_);
     return solver_.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
   }
 
@@ -88,10 +87,13 @@ class EigenLu final : public LinearSolver<Real> {
 
  private:
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+  using Matrix = Eigen::SparseMatrix<Real>;
 
-  std::optional<WholeMatrix> whole_;
-  Eigen::SparseMatrix<Real> matrix_;
-  Eigen::SparseLU<Eigen::SparseMatrix<Real>> solver_;
+  Matrix mirrored() const { return matrix_.template selfadjointView<Eigen::Lower>(); }
+
+  Matrix matrix_;
+  bool symmetric_ = false;
+  Eigen::SparseLU<Matrix> solver_;
   Vector solution_;
 };
 
