@@ -143,7 +143,6 @@ def test_such_an_error_comes_back_from_another_process() -> None:
         lambda path, out: cutjoint.read_model(path),
         lambda path, out: cutjoint.compile_model(path, out=out),
         lambda path, out: cutjoint.simulate(press(), out=out, steps=f"{out}.steps", end=0.01),
-        lambda path, out: cutjoint.simulate(press(), tangents=out, integrator="trapezoidal", events="crossed", end=0.01),
         lambda path, out: cutjoint.simulate_batch(cutjoint.compile_batch(path), [{"stiffness": 2000.0}], out=out),
         lambda path, out: cutjoint.run_in_real_time(press(), end=0.01, out=out),
         lambda path, out: cutjoint.find_equilibrium(path),

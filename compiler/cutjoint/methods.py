@@ -64,7 +64,6 @@ class Method:
         has_generic: a generic solver supports it.
         fixed_cost: steps can have a fixed number of iterations.
         batch: runs can be evaluated in lanes.
-        tangents: a run can report the Jacobians of its accelerations.
         supports_shaky: it simulates shaky structures, whose loops fix the pose to second order only.
         functions: it supports loop embedding.
         c99: exports can be C99.
@@ -81,7 +80,6 @@ class Method:
     has_generic: bool = False
     fixed_cost: bool = False
     batch: bool = False
-    tangents: bool = False
     supports_shaky: bool = False
     functions: bool = False
     c99: bool = False
@@ -160,7 +158,6 @@ class Integrator:
     largest_penalty: float | None = None
     fixed_cost: bool = False
     batch: bool = False
-    tangents: bool = False
     balances_energy: bool = True
     c99: bool = False
 
@@ -242,7 +239,7 @@ class Catalogue(dict[str, R]):
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal", "solved"), events=True,
-        alternatives=("recursive-newton",), has_generic=True, fixed_cost=True, batch=True, tangents=True, functions=True,
+        alternatives=("recursive-newton",), has_generic=True, fixed_cost=True, batch=True, functions=True,
         c99=True,
     ),
     Method(
@@ -297,8 +294,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
             "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),
             "recursive-newton": _NEWTON,
         },
-        closures=_ALL_CLOSURES, has_generic=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
-        c99=True,
+        closures=_ALL_CLOSURES, has_generic=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, c99=True,
     ),
     _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step"),
     _explicit("dormand-prince", "DormandPrinceTable", order="5(4)", stages=7, about="error: the difference of orders 5 and 4"),

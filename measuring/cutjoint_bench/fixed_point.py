@@ -9,12 +9,17 @@ from math import inf
 
 import numpy as np
 
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.outputs import partial_of
+from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import Array
-from cutjoint.run.simulation import simulate
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Options
+from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_rows
+from cutjoint_bench.driver import REFERENCE
 from cutjoint_bench.records import Case
 
 #: Rows at which the map is looked at, at most.
@@ -46,17 +51,20 @@ def predict_limit(case: Case, artifact: Artifact) -> Prediction | None:
 
 
 def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Array]]:
-    """Time, da/dq and da/dv at rows of a run at the scene's own step."""
-    with temporary_folder() as folder:
+    """Time, da/dq and da/dv at rows of a run at the scene's own step, which ends where it fails."""
+    scene = replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES))
+    own = compile_scene(artifact.model, scene, CompileOptions(outputs=case.outputs, additions=(REFERENCE.name,)))
+    options = Options(integrator="trapezoidal", events="crossed")
+    file = make_run_file(own.model, own.scene_as_compiled, case.parameters, task="simulate", method=own.method, options=options)
+    with temporary_folder() as folder, RunTables(None, out=None) as tables:
         path = folder / "tangents.jsonl"
-        with_rows = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
-        run = simulate(with_rows, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path, check=False)
-        with (path if run.failure is None else partial_of(path)).open(encoding="utf-8") as lines:
-            for line in lines:
-                found = json.loads(line)
-                columns = (np.array(found[name], dtype=float) for name in ("stiffness", "damping"))
-                stiffness, damping = (c.reshape(int(len(c) ** 0.5), -1).T for c in columns)
-                yield found["t"], stiffness, damping
+        entries = {**file.entries(), **tables.places, "integrator": "fixed-point-map", "tangents_out": str(path)}
+        call_simulator(own.binary.path, entries)
+        for line in path.read_text(encoding="utf-8").splitlines():
+            found = json.loads(line)
+            columns = (np.array(found[name], dtype=float) for name in ("stiffness", "damping"))
+            stiffness, damping = (c.reshape(int(len(c) ** 0.5), -1).T for c in columns)
+            yield found["t"], stiffness, damping
 
 
 def _limit(stiffness: Array, damping: Array, known: float) -> float:

@@ -222,7 +222,7 @@ def find_limits(
     identity = _identity(plan, case, contender, runner)
     limit = partial(_limit, case, runner, reference, _own_step(case, contender))
     found: Record = {"largest_step": store.get({**identity, "limit": "largest step"}, limit)["dt"]}
-    if isinstance(runner, OwnRunner) and METHODS[runner.artifact.method].tangents:
+    if isinstance(runner, OwnRunner) and not METHODS[runner.artifact.method].has_system:
         found["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
     return found
 

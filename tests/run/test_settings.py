@@ -92,13 +92,6 @@ def test_nothing_else_is_said_of_steps_beside_an_accuracy() -> None:
         simulate(compiled(), accuracy=1e-3, dt=1e-3, tolerance=1e-9)
 
 
-@pytest.mark.parametrize("asked", [{"integrator": "rk4"}, {"integrator": "reference"}, {"events": "located"}])
-def test_tangents_are_those_of_equal_steps_over_events(asked: dict[str, Any], tmp_path: Path) -> None:
-    message = 'tangents need the method recursive, integrator="trapezoidal" and events="crossed"'
-    with pytest.raises(RunError, match=f"^{message}$"):
-        simulate(compiled(), tangents=tmp_path / "tangents.jsonl", **asked)
-
-
 def test_an_unknown_method() -> None:
     words = r"^no method 'euler'; there is recursive, augmented, classical, recursive-newton$"
     with pytest.raises(RunError, match=words):

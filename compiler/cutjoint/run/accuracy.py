@@ -83,7 +83,7 @@ STRICTER = Change(setting="tolerance", factor=0.1, remaining=0.1, trusted=0.5, l
 
 
 def run_accurately(
-    plan: SimulatorRun, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
+    plan: SimulatorRun, *, out: AnyPath | None = None, steps: AnyPath | None = None,
     progress: Progress | None = None, estimate: bool = True, allow_switch: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that meet the run's ``goal`` if it has one, and estimate the error.
@@ -93,8 +93,8 @@ def run_accurately(
     `simulator_run.start`.
     """
     plan = plan.with_checks() if estimate else plan
-    begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
-    files = [file for file in map(path_of, (out, steps, tangents)) if file is not None]
+    begin = partial(start, out=path_of(out), steps=path_of(steps), progress=progress)
+    files = [file for file in map(path_of, (out, steps)) if file is not None]
     search = partial(start, progress=progress) if files else begin
     execute = partial(_execute, begin=begin, search=search, once=any(map(is_stream, files)), estimate=estimate)
     return retry_failed(plan, execute(plan), execute, allow_switch=allow_switch and plan.is_free, advise=advise)

@@ -12,7 +12,7 @@ from cutjoint.emit.source import Source
 from cutjoint.formulate.events import jump_times
 from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, INTEGRATORS, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, INTEGRATORS, METHODS, PRECISIONS, SOLVERS, Implementation
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.units import fault_of_dimension, measure
 from cutjoint.model.ranges import fault_of
@@ -140,12 +140,10 @@ def _has_moving_guide(model: Model, joint: Joint) -> bool:
 
 def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
-    inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
+    inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
-    """The run of a compiled model; ``tangents`` adds Jacobians, ``coordinates`` the tree's coordinates at each sample.
+    """The run of a compiled model; ``coordinates`` adds the tree's coordinates at each sample.
     Raises RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has."""
-    if tangents:
-        _require_tangents(artifact, options)
     run_file = make_run_file(
         artifact.topology.model, artifact.scene_as_compiled, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options, inputs=inputs or {},
@@ -165,7 +163,7 @@ def make_simulator_run(
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
         jumps=jump_times(artifact.topology.model, artifact.scene), balances_energy=not artifact.implementation.is_generic,
         continuation=_continuation(artifact, options, parameters, inputs),
-        by_method=None if artifact.by_method is None or tangents else partial(_by_method, artifact.by_method, options, parameters, inputs),
+        by_method=None if artifact.by_method is None else partial(_by_method, artifact.by_method, options, parameters, inputs),
     )  # fmt: skip
 
 
@@ -228,13 +226,6 @@ def _other_settings(artifact: Artifact, options: Options, integrator: str) -> It
     for name in (name for name in INTEGRATORS if name != integrator):
         with suppress(RunError):  # it does not support the method, or not these options
             yield artifact.settings(replace(options, integrator=name))
-
-
-def _require_tangents(artifact: Artifact, options: Options) -> None:
-    settings = artifact.settings(options)
-    if not (METHODS[artifact.method].tangents and INTEGRATORS[settings.integrator].tangents and not settings.events):
-        methods, integrators = (names_of(METHODS, lambda m: m.tangents)), names_of(INTEGRATORS, lambda i: i.tangents)
-        raise RunError(f"tangents need the method {join_or(methods)}, integrator=\"{join_or(integrators)}\" and events=\"crossed\"")
 
 
 def _require_additions(artifact: Artifact, settings: Settings) -> None:

@@ -87,9 +87,8 @@ def make_run_file(
     Tasks are "simulate", "realtime", "equilibrium" and "batch".  ``changes`` are values (SI units) of tunable parameters and constant
     inputs.  ``inputs`` are constants or tables over time; other inputs follow the scene.
 
-    The caller adds optional entries: "steps_out" (iterations and residuals of each step), "tangents_out" (Jacobians of the recursive
-    method), "coordinates_out", and for a batch "cases" and "threads".  With ``fits_samples``, a given fixed step must divide the
-    intervals of controllers.
+    The caller adds optional entries: "steps_out" (iterations and residuals of each step), "coordinates_out", and for a batch "cases" and
+    "threads".  With ``fits_samples``, a given fixed step must divide the intervals of controllers.
 
     Raises:
         RunError: a change names neither a tunable parameter nor an input, has no finite value, or leaves the start or a road

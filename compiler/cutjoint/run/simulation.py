@@ -12,7 +12,7 @@ from cutjoint.run.simulator import Progress
 
 
 def simulate(
-    artifact: Artifact, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
+    artifact: Artifact, *, out: AnyPath | None = None, steps: AnyPath | None = None,
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
@@ -22,7 +22,7 @@ def simulate(
     targets, accuracy = (accuracy, None) if isinstance(accuracy, Mapping) else ({}, accuracy)
     options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,
                       events=events, accuracy=accuracy, targets=targets)  # fmt: skip
-    plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None, coordinates=coordinates)
-    run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
+    plan = make_simulator_run(artifact, options, parameters, inputs=inputs, coordinates=coordinates)
+    run = run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, advise=check)
     held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
     return require_end(run, artifact, {**(parameters or {}), **held}) if check else run

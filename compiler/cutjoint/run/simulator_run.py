@@ -123,24 +123,24 @@ class Compilation:
 
 
 def start(
-    run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None,
     progress: Progress | None = None, seconds: float | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are files for results, as in `simulation.simulate`.
+    """Run a simulator to its end; ``out`` and ``steps`` are files for results, as in `simulation.simulate`.
 
     Raises:
         SimulatorError: a simulator could not begin, could not write a file, or took more than ``seconds``.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
     """
-    require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
-    requested = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
+    require_apart({}, tables={"out": out, "steps": steps})
+    requested = RunTables({"t": "s", **run.units}, out=out, steps_out=steps)
     with requested as tables, tempfile.TemporaryFile(buffering=0) if run.with_coordinates else nullcontext() as file:
         place = {} if file is None else {"coordinates_out_rows": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         ended, fallback, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
-        if ended is not None and file is None and tangents is None and (continuation := _fallback(run, ended, summary)) is not None:
+        if ended is not None and file is None and (continuation := _fallback(run, ended, summary)) is not None:
             other, state = continuation.prepare(), continuation.initial_state(run.run_file, summary["kept"])
             run_file |= {"initial_state": state, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)

@@ -288,7 +288,7 @@ def compile_unless_compiled(
 
 def simulate(
     model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, out: AnyPath | None = None,
-    steps: AnyPath | None = None, tangents: AnyPath | None = None, parameters: Mapping[str, float] | None = None,
+    steps: AnyPath | None = None, parameters: Mapping[str, float] | None = None,
     progress: Progress | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     accuracy: float | Mapping[str, float] | None = None, solver_tolerance: float | None = None, iterations: int | None = None,
     solver: str | None = None, integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
@@ -302,7 +302,7 @@ def simulate(
         tunable: patterns; constants whose names match become parameters.
         method, integrator, dt, end, penalty, accuracy, solver_tolerance, iterations, solver, events: as on the command line;
             default: the scene's; ``accuracy`` can map outputs to their target errors.
-        out: table (CSV); ``steps``: iterations and residuals of each step; ``tangents``: Jacobians of the accelerations.
+        out: table (CSV); ``steps``: iterations and residuals of each step.
         error: estimate the error by further runs.
         progress: is called as the run proceeds; ``tolerance``: earlier name of ``solver_tolerance``.
         coordinates: keep the coordinates of each sample, for `write_view`.
@@ -318,7 +318,7 @@ def simulate(
         warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
     requested = tolerance if solver_tolerance is None else solver_tolerance
     return simulation.simulate(
-        compile_unless_compiled(model, scene, tunable, method, integrator, dt), out=out, steps=steps, tangents=tangents,
+        compile_unless_compiled(model, scene, tunable, method, integrator, dt), out=out, steps=steps,
         parameters=parameters, progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=requested,
         iterations=iterations, solver=solver, integrator=integrator, events=events, error=error, check=check, inputs=inputs,
         coordinates=coordinates,

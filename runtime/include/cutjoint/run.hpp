@@ -182,14 +182,12 @@ class Run {
       coordinates_.emplace(file_, "coordinates_out");
       if (!goes_on()) coordinates_->header(method_.coordinates());
     }
-    if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
   /// The run's table is closed last: when its lock is released, the others are complete.
   void close_files() {
     if (steps_table_) steps_table_->close();
     if (coordinates_) coordinates_->close();
-    if (tangents_) tangents_->close();
     if (table_) table_->close();
   }
 
@@ -201,8 +199,6 @@ class Run {
     if (coordinates_) coordinates_->row(method_.time(), method_.position());
     written_ = static_cast<double>(method_.time());
     remember();
-    if constexpr (requires { method_.differentiate(); })
-      if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
   }
 
   /// Save where the tables end, as long as later rows may have to be removed.
@@ -279,8 +275,7 @@ class Run {
   std::vector<Real> values_;
   std::optional<NearJumps<Real>> near_jumps_;
   std::optional<Table> table_, steps_table_, coordinates_;
-  std::deque<RowEnd> ends_;             ///< of the rows that may have to be removed, and the one before
-  std::optional<OutputFile> tangents_;  ///< one line of JSON per row
+  std::deque<RowEnd> ends_;  ///< of the rows that may have to be removed, and the one before
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end
   bool slow_ = false;                   ///< whether the run has been reported as slow

@@ -201,11 +201,6 @@ class ModelData {
     cutjoint::load_mechanism(mechanism, parameters_.data(), roads().data(), stabilisation, penalties);
   }
 
-  void load_system(auto& system) {
-    drive(system);
-    system.load(parameters_.data(), roads().data());
-  }
-
  private:
   Roads<Real> roads_;
   std::vector<Real> parameters_;

@@ -158,34 +158,6 @@ class Simulated {
   /// The state saved last, or null.
   Json kept() const { return kept_ ? write(kept_->first, kept_->second) : Json(); }
 
-  /// The Jacobians of the accelerations with respect to coordinates (increments of `retract`) and velocities at the last state, by columns, by
-  /// central differences of `evaluate` with constant multipliers.
-  Json differentiate() requires(!Integrator::finds_events && Mechanism<Subject>) {
-    const State<Real>& state = simulation_.state();
-    const std::size_t n = state.v.size();
-    const Real h(1e-5);
-    std::vector<Real> delta(n), forward(n), backward(n), correction(state.lambda.size());
-    State<Real> probe = state;
-    const auto jacobian = [&](auto move) {
-      std::vector<Real> columns;
-      for (std::size_t j = 0; j < n; ++j) {
-        for (const Real by : {h, -h}) {
-          move(j, by);
-          subject_.evaluate(probe.q.data(), probe.v.data(), state.lambda.data(), (by > Real(0) ? forward : backward).data(), correction.data());
-        }
-        move(j, Real(0));
-        for (std::size_t i = 0; i < n; ++i) columns.push_back((forward[i] - backward[i]) / (2 * h));
-      }
-      return columns;
-    };
-    const auto stiffness = jacobian([&](std::size_t j, Real by) {
-      delta[j] = by;
-      if (by == Real(0)) probe.q = state.q;
-      else retract<Real>(subject_.description().charts, state.q.data(), delta.data(), probe.q.data());
-    });
-    return Json{{"t", state.t}, {"stiffness", stiffness}, {"damping", jacobian([&](std::size_t j, Real by) { probe.v[j] = state.v[j] + by; })}};
-  }
-
  private:
   using Steps = std::conditional_t<finds_events, Integrator, Attended<Integrator>>;
   using Stepped = Simulation<Subject, Steps>;

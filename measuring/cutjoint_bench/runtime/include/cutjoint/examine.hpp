@@ -110,7 +110,8 @@ Json evaluate(const Json& file, Subject& subject, const RunSettings& settings) {
                         std::vector<Real>(subject.description().cuts.size(), Real(settings.stabilisation.penalty.value_or(1.0))));
     for (const Json& at : file.at("states")) results.push_back(evaluate_mechanism(subject, at));
   } else {
-    data.load_system(subject);
+    data.drive(subject);
+    subject.load(data.parameters().data(), data.roads().data());
     const auto solver = choose_solver(subject, *settings.solver);
     for (const Json& at : file.at("states")) results.push_back(evaluate_system(subject, *solver, at));
   }
@@ -129,7 +130,8 @@ Json time_parts(const Json& file, M& mechanism, S& system, const RunSettings& se
   InitialState<M> start(mechanism, settings, file);
   const State<Real> relative(start.in_motion());
   ModelData<Real> data(d, file);
-  data.load_system(system);
+  data.drive(system);
+  system.load(data.parameters().data(), data.roads().data());
   std::vector<Real> q(d.coordinates.size()), f(d.unknowns().size()), v(f), vdot(f), phi(d.equations.size()), lambda(phi), tangent(d.pattern.row.size());
   system.begin_step(relative.t, Real(1));
   system.initial_coordinates(relative.q.data(), relative.v.data(), q.data(), v.data());

@@ -65,7 +65,8 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
   NaturalReference(S& system, const RunSettings& settings, const Json& file)
       : Base(system, dynamics_, settings), system_(system), data_(system.description(), file),
         solver_(choose_solver(system, "emitted")), dynamics_(system, *solver_) {
-    data_.load_system(system);
+    data_.drive(system);
+    system.load(data_.parameters().data(), data_.roads().data());
   }
 
   void begin(const State<double>& start, const std::vector<double>&, double motion) {
