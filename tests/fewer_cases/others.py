@@ -61,7 +61,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_cvode_finds_contacts_and_leaves_them",
         "test_a_force_that_was_left_out_and_would_act_ends_the_simulation_as_it_ends_a_step",
         "test_inputs_that_move_guides_have_their_rates",
-        "test_derivatives_with_loops_are_limits_of_differences_and_adjoints_their_transposes",
+        "test_derivatives_with_loops_are_limits_of_differences",
         "test_derivatives_by_parameters_are_those_of_motions_that_are_linear_in_them",
         "test_loops_of_a_hundred_metres_follow_states_in_one_go", "test_states_and_parameters_are_values_too",
         "test_indicators_change_their_sign_at_contact",

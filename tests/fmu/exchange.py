@@ -84,20 +84,17 @@ class Exchange(Slave):
             assert self.put(t + h, x + h / 6 * (a + 2 * b + 2 * c + d)) == OK
             self.complete()
 
-    def directional(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float], *, adjoint: bool = False) -> Array:
-        """Directional derivatives of variables by their names, or adjoint ones."""
-        (status, found) = self.ask_directional([self.references[n] for n in unknowns], [self.references[n] for n in knowns], seed, adjoint)
+    def directional(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> Array:
+        """Directional derivatives of variables by their names."""
+        (status, found) = self.ask_directional([self.references[n] for n in unknowns], [self.references[n] for n in knowns], seed)
         assert status == OK, self.log
         return found
 
-    def ask_directional(
-        self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float], adjoint: bool = False
-    ) -> tuple[int, Array]:
+    def ask_directional(self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float]) -> tuple[int, Array]:
         """Directional derivatives by value references, with the status."""
         n, m, number = len(unknowns), len(knowns), ctypes.c_size_t
-        given, found = (ctypes.c_double * len(seed))(*seed), (ctypes.c_double * (m if adjoint else n))()
+        given, found = (ctypes.c_double * len(seed))(*seed), (ctypes.c_double * n)()
         lists = ((ctypes.c_uint * n)(*unknowns), number(n), (ctypes.c_uint * m)(*knowns), number(m))
         lengths = () if self.fmu.version == 2 else (number(len(seed)),)
-        name = "GetAdjointDerivative" if adjoint else "GetDirectionalDerivative"
         more = () if self.fmu.version == 2 else (number(len(found)),)
-        return self.call(name, *lists, given, *lengths, found, *more), np.array(found)
+        return self.call("GetDirectionalDerivative", *lists, given, *lengths, found, *more), np.array(found)

@@ -63,8 +63,7 @@ int differentiate(void* c) {
   const double given[2] = {below(6) ? 1.0 : any_number(), 0.5};
   double found[2];
   const size_t n = below(3), m = below(3);
-  return below(2) ? fmi3GetDirectionalDerivative(c, place(unknowns), n, place(knowns), m, given, below(12) ? m : 3, found, n)
-                  : fmi3GetAdjointDerivative(c, place(unknowns), n, place(knowns), m, given, below(12) ? n : 3, found, m);
+  return fmi3GetDirectionalDerivative(c, place(unknowns), n, place(knowns), m, given, below(12) ? m : 3, found, n);
 }
 
 int call(void* c, void** state, unsigned char* bytes, size_t size) {

@@ -161,7 +161,7 @@ def matrix(instance: Exchange, unknowns: list[str], knowns: list[str]) -> Array:
     return np.array([instance.directional(unknowns, [known], [1.0]) for known in knowns]).T
 
 
-def test_derivatives_with_loops_are_limits_of_differences_and_adjoints_their_transposes() -> None:
+def test_derivatives_with_loops_are_limits_of_differences() -> None:
     instance = Exchange(fmu_of("spinning", 3, kind="both")).begin()
     instance.integrate(0.02, 20)
     interface, x = instance.fmu.interface, instance.x
@@ -182,11 +182,6 @@ def test_derivatives_with_loops_are_limits_of_differences_and_adjoints_their_tra
         for order in (4, 16, 64):  # Richardson's extrapolation
             steps = [(order * b - a) / (order - 1) for a, b in pairwise(steps)]
         assert found[:, j] == pytest.approx(steps[0], rel=1e-7, abs=1e-7 * np.abs(found).max()), knowns[j]
-    assert values(x, 0.0).size
-    for i, weight in enumerate(np.eye(len(unknowns))):
-        assert instance.directional(unknowns, knowns, list(weight), adjoint=True) == pytest.approx(
-            found[i], rel=1e-10, abs=1e-10 * np.abs(found).max()  # rounding: the loops have been closed again
-        )  # fmt: skip
 
 
 @versions
@@ -205,9 +200,6 @@ def test_derivatives_by_parameters_are_those_of_motions_that_are_linear_in_them(
     assert instance.directional(unknowns, ["stiffness"], [1.0]) == pytest.approx(derivatives, rel=1e-10, abs=1e-12)
     both = instance.directional(unknowns, ["stiffness", "state[1]"], [2.0, 3.0])
     assert both == pytest.approx(2.0 * derivatives + 3.0 * instance.directional(unknowns, ["state[1]"], [1.0]), rel=1e-10)
-    if version == 3:
-        weights = [0.3, 2.0, -1.0]
-        assert instance.directional(unknowns, ["stiffness"], weights, adjoint=True) == pytest.approx([weights @ derivatives], rel=1e-10)
 
 
 @pytest.mark.parametrize("name", ["press", "spinning", "driven"])

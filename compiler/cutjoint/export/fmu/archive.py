@@ -62,6 +62,7 @@ MISSING: tuple[Function, ...] = (
     ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
     ("EvaluateDiscreteStates", "", "discrete states"),
     ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t", "derivatives of outputs"),
+    ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),
     ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64", "model partitions"),
 )
 #: Functions that only FMUs for co-simulation with event mode have.
@@ -74,7 +75,6 @@ OF_EVENTS: tuple[Function, ...] = (
 #: Functions that only FMUs for model exchange have.
 OF_EXCHANGE: tuple[Function, ...] = (
     ("GetDirectionalDerivative", _KNOWN, "directional derivatives"),
-    ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),
     ("EnterContinuousTimeMode", "", "model exchange"),
     ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*", "model exchange"),
     ("SetTime", ", fmi3Float64", "model exchange"),
