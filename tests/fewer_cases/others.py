@@ -50,7 +50,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
     ),
     "tests/fmu/test_archive.py": (
         "test_a_binary_shows_the_standards_functions_alone_and_needs_the_c_library_alone", "test_fmpy_compiles_the_sources",
-        "test_an_archive_follows_from_the_model_alone", "test_the_page_shows_the_picture_and_all_variables",
+        "test_an_archive_follows_from_the_model_alone", "test_the_page_shows_all_variables",
     ),
     "tests/fmu/test_events.py": (
         "test_steps_that_find_no_events_have_no_event_mode", "test_updates_come_after_each_step_of_the_integrator_and_at_events",

@@ -13,7 +13,6 @@ from typing import Any
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
-from cutjoint.view.graph import picture_graph
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
 from tests.mechanisms.driven import DRIVEN, pushed_text
@@ -66,7 +65,7 @@ def write(fmu: Fmu, place: Path, **content: bool) -> Path:
 
 def packed(fmu: Fmu, **content: Any) -> bytes:
     """The FMU's archive, as the command writes it but for binaries, which have the code of the command line alone."""
-    return fmu.pack(**({"target": "baseline"} | content), picture=picture_graph(fmu.topology))
+    return fmu.pack(**({"target": "baseline"} | content))
 
 
 def names_in(packed: bytes) -> list[str]:

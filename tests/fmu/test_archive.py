@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import html
 import io
-import posixpath
-import re
 import subprocess
 import zipfile
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -136,20 +133,16 @@ def test_an_archive_follows_from_the_model_alone() -> None:
 
 def test_no_header_of_the_standard_is_in_an_archive() -> None:
     assert names_in(packed(fmu_of("press", 3), sources=True, binary=False)) == [
-        "modelDescription.xml", "documentation/diagram.png", "documentation/index.html", "documentation/licenses/license.txt",
+        "modelDescription.xml", "documentation/index.html", "documentation/licenses/license.txt",
         "sources/press.h", "sources/press.cpp", "sources/fmi3.cpp", "sources/buildDescription.xml",
     ]  # fmt: skip
 
 
 @versions
-def test_the_page_shows_the_picture_and_all_variables(version: int) -> None:
+def test_the_page_shows_all_variables(version: int) -> None:
     fmu = fmu_of("iltis", version, "simul1")
     archive = zipfile.ZipFile(io.BytesIO(packed(fmu, sources=True, binary=False)))
     page = archive.read("documentation/index.html").decode()
-    (picture,) = re.findall(r'src="([^"]+)"', page)
-    pixels = matplotlib.image.imread(io.BytesIO(archive.read(posixpath.normpath(f"documentation/{picture}"))))
-    assert min(pixels.shape[:2]) > 100
-    assert 0.5 < pixels[..., :3].mean() < 0.999  # something on a light ground
     assert all(f"<td>{html.escape(v.name)}</td>" in page for v in fmu.interface.variables)
 
 

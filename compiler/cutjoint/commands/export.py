@@ -21,7 +21,6 @@ from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
-from cutjoint.view.graph import picture_graph
 
 #: Formats of robots: the endings of their files' names, and their writers.
 ROBOTS = {table.URDF: (".urdf", write_urdf), table.MJCF: (".xml", write_mjcf)}
@@ -117,7 +116,7 @@ def export_fmu(
         raise click.UsageError(f"--{'platform' if platforms else 'target'} is for binaries; leave out --sources")
     with options.progress_bar(f"exporting {path.name}"):
         fmu = make_fmu(*find_case(model, scene), version=version, kind=kind, method=method, integrator=integrator, poses=poses)
-        packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology), platforms=platforms, target=target)
+        packed = fmu.pack(sources=sources, binary=binary, platforms=platforms, target=target)
     write_whole(out, packed)
     variables = fmu.interface.variables
     inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))

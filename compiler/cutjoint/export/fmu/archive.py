@@ -38,9 +38,6 @@ FOLDERS: Mapping[str, Mapping[int, str]] = {
     "linux-aarch64": {2: "aarch64-linux", 3: "aarch64-linux"},
 }
 
-#: The place of a model's picture in FMI 2 and 3.
-PICTURES: Mapping[int, str] = {2: "model.png", 3: "documentation/diagram.png"}
-
 #: The time of all entries of an archive, the earliest one that it can have.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
 _REFERENCES = "const fmi3ValueReference*, size_t"
@@ -92,7 +89,7 @@ OF_EXCHANGE: tuple[Function, ...] = (
 class Fmu:
     """An FMU by FMI ``version``: the C export, its description and variables, and the files of the ``project`` that builds it.
 
-    ``kept`` is added to the export's C++; ``layer`` is the code over the C interface; ``page`` describes it and shows the ``topology``.
+    ``kept`` is added to the export's C++; ``layer`` is the code over the C interface; ``page`` describes it.
     """
 
     version: int
@@ -126,12 +123,11 @@ class Fmu:
         files = {**model, f"fmi{self.version}.cpp": self.layer, **self.project}
         return build_files(name, files, f"{name}{there.suffix}", self.standalone.digest, flags, *settings, platform=there)
 
-    def pack(self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = (), target: str | None = None) -> bytes:
-        """The archive: sources, a binary for each of the ``platforms`` (default: this machine), and a ``picture`` (PNG) of the topology.
-        ``target`` and errors as of `build`."""
+    def pack(self, *, sources: bool, binary: bool, platforms: Sequence[str] = (), target: str | None = None) -> bytes:
+        """The archive: sources, and a binary for each of the ``platforms`` (default: this machine); ``target`` and errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
-            "modelDescription.xml": write_description(subject, self.interface, self.version).encode(), PICTURES[self.version]: picture,
+            "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
             "documentation/index.html": self.page.encode(), "documentation/licenses/license.txt": self.license.encode(),
         }  # fmt: skip
         if sources:
@@ -185,7 +181,6 @@ def make_fmu(
         license=page.render("fmu/license.txt.jinja", **view) + licence(),
         page=page.render(
             "fmu/index.html.jinja", **view, scene=scene.name, steps=str(standalone.settings), variables=interface.variables,
-            picture=f"../{PICTURES[version]}" if version == 2 else PICTURES[version].removeprefix("documentation/"),
         ),
         topology=equations.topology,
     )  # fmt: skip
