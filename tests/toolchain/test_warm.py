@@ -121,6 +121,3 @@ def test_the_command_says_what_it_did(installation: Path, monkeypatch: pytest.Mo
     assert [r.exit_code for r in results] == [0, 0]
     assert "driver recursive: compiled (" in results[0].output
     assert "driver recursive: up to date (" in results[1].output
-    refused = CliRunner().invoke(main, ["warm", "--driver", "batch", "--precision", "quad"])
-    assert refused.exit_code == 2
-    assert "batches have double only" in refused.output

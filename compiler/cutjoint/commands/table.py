@@ -398,7 +398,6 @@ OPTIONS: Mapping[str, Row] = {
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True,
         help="Number of best, worst and failed runs of each objective that get pages beside --view."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Print the schema of study files."),
-    "comparison": click.option("--comparison", is_flag=True, help=f"With linear solvers of other packages{_packages(SOLVERS.added)}."),
     "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True,
         help="Driver to build; repeat for several. Default: all."),
 }  # fmt: skip

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutjoint.methods import PRECISIONS
 from cutjoint.package.locations import without_mark
 from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, is_sound, runtime_digest, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
@@ -69,10 +68,10 @@ def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Ki
     return cache_folder() / key / source.product
 
 
-def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:
-    """Build a driver, one of DRIVERS, for all models, unless it is there; returns whether it was built now.
+def warm(driver: str, *, flags: Sequence[str] = FLAGS) -> bool:
+    """Build a driver, one of DRIVERS, in double for all models, unless it is there; returns whether it was built now.
     Raises ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written."""
-    return make_drivers(driver, find_compiler(), (*flags, *PRECISIONS[kind.precision].flags), kind)
+    return make_drivers(driver, find_compiler(), flags, _PLAIN)
 
 
 def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
