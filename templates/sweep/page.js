@@ -161,8 +161,7 @@ const drawPoints = () => {
   const [x, y, z] = ['x', 'y', 'z'].map((id) => columns[+$(id).value]);
   plane = drawPlane(on, x, y);
   const {px, py} = plane;
-  if ($('surface').checked) drawCells(g, x, y, z, px, py);
-  else for (const r of kept) {
+  for (const r of kept) {
     const a = x.values[r], b = y.values[r];
     if (a !== a || b !== b) continue;
     g.fillStyle = colour(share(z, z.values[r]), 0.75);
@@ -181,24 +180,6 @@ const drawPoints = () => {
   title(z).split(', ').forEach((word, i) => g.fillText(word.slice(0, 14), width - 50, margin.top + 12 + 14 * i));
   g.fillStyle = style('--faint');
   g.textAlign = 'left'; g.fillText(shown(z, z.high), width - 46, margin.top + 50); g.fillText(shown(z, z.low), width - 46, margin.top + 178);
-};
-const drawCells = (g, x, y, z, px, py) => {
-  const n = Math.max(6, Math.min(24, Math.round(Math.sqrt(kept.length) / 1.5))), sums = new Float64Array(n * n), counts = new Float64Array(n * n);
-  const cell = (c, v) => Math.min(n - 1, Math.floor(share(c, v) * n));
-  for (const r of kept) {
-    const [a, b, c] = [x.values[r], y.values[r], z.values[r]];
-    if (a !== a || b !== b || c !== c) continue;
-    const at = cell(x, a) * n + cell(y, b);
-    sums[at] += c; counts[at] += 1;
-  }
-  const edge = (c, i) => c.low + (c.high - c.low) * i / n;
-  for (let i = 0; i < n; ++i) for (let j = 0; j < n; ++j) {
-    const at = i * n + j;
-    if (!counts[at]) continue;
-    const left = px(edge(x, i)), below = py(edge(y, j));
-    g.fillStyle = colour(share(z, sums[at] / counts[at]), 1);
-    g.fillRect(left, py(edge(y, j + 1)), px(edge(x, i + 1)) - left + 0.5, below - py(edge(y, j + 1)) + 0.5);
-  }
 };
 const drawFront = (g, found, x, y, px, py) => {
   g.strokeStyle = style('--ink'); g.lineWidth = 1.5;
@@ -332,7 +313,7 @@ fill('of', objectives.length ? objectives : every, first);
 $('of').addEventListener('change', markEnds);
 $('output').replaceChildren(...about.outputs.map(([name], i) => new Option(name, i)));
 $('over-time').hidden = !curves.size;
-for (const id of ['surface', 'front', 'output']) $(id).addEventListener('change', draw);
+for (const id of ['front', 'output']) $(id).addEventListener('change', draw);
 $('title').textContent = about.title; $('subtitle').textContent = about.note;
 $('failed').hidden = !about.failures.length;
 $('failures').replaceChildren(...about.failures.map(({number, reason}) => element('li', {}, `${number}: ${reason} `, replayed(number))));

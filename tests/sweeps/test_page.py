@@ -129,9 +129,6 @@ def test_marked_runs_stand_beside_one_another(page: Page, done: tuple[Path, Swee
     )
     page.run("document.querySelector('#worst input').click()")
     assert page.run("sweep.marked()") == [17, worst[1]]
-    page.run("document.getElementById('surface').click()")
-    page.settle()
-    page.picture(PICTURES / "sweep-surface.png")
     require_silence(page)
 
 
