@@ -9,14 +9,11 @@
 
 namespace cutjoint {
 
-template <class Real>
-using DenseMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
-
 /// The coordinate that moves most in a null motion of the tangent allowed by the equations; -1 if there is none.
 template <class Real>
 int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   const auto n = static_cast<Eigen::Index>(d.coordinates.size());
-  DenseMatrix<Real> K = DenseMatrix<Real>::Zero(d.pattern.size, d.pattern.size);
+  Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic> K = decltype(K)::Zero(d.pattern.size, d.pattern.size);
   for (int column = 0; column < d.pattern.size; ++column)
     for (int i = d.pattern.first[static_cast<std::size_t>(column)]; i < d.pattern.first[static_cast<std::size_t>(column) + 1]; ++i) {
       const int row = d.pattern.row[static_cast<std::size_t>(i)];
@@ -25,7 +22,7 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
     }
   for (Eigen::Index i = 0; i < K.rows(); ++i)
     if (const Real largest = K.row(i).cwiseAbs().maxCoeff(); largest > Real(0)) K.row(i) /= largest;
-  Eigen::FullPivLU<DenseMatrix<Real>> lu(K);
+  Eigen::FullPivLU<decltype(K)> lu(K);
   lu.setThreshold(Real(1e-12));
   if (lu.isInvertible()) return -1;
   Eigen::Index coordinate = 0;
