@@ -27,7 +27,7 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   if (lu.isInvertible()) return -1;
   Eigen::Index coordinate = 0;
   const Real moved = lu.kernel().topRows(n).rowwise().norm().maxCoeff(&coordinate);
-  return moved > Real(0) ? static_cast<int>(coordinate) : -1;
+  return moved > Real(1e-6) ? static_cast<int>(coordinate) : -1;  // less is rounding beside the multipliers of dependent equations
 }
 
 /// The failure of a singular tangent, with the unresisted coordinate if there is one.
