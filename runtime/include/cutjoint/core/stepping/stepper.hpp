@@ -235,8 +235,8 @@ class Stepper {
       }
       if (attempt.found && attempt.size <= Real(1)) {
         if (const Fault fault = accept(h, attempt.size)) return fault;
-        if (shorten_.who) limit = std::min(limit, shorten_.call(shorten_.who, scheme_, time() - shortest()));
-        if (limit < time() - shortest()) return end_at(limit);
+        const Real end = time() - shortest();
+        if (shorten_.who && (limit = std::min(limit, shorten_.call(shorten_.who, scheme_, end))) < end) return end_at(limit);
         if (!(span_left >= Real(0))) return {};
         if (whole)
           if (const Fault fault = count_event()) return fault;
