@@ -16,6 +16,7 @@ from cutjoint.emit.source import environment
 from cutjoint.methods import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
+from cutjoint.toolchain.temporary import temporary_folder
 
 
 class StatisticsRecord(ctypes.Structure):
@@ -107,7 +108,7 @@ class Library:
         functions: Mapping[str, HostFunction] | None = None, find_start: FindStart | None = None, is_trimmed: bool = False,
     ) -> None:  # fmt: skip
         more = {"steps": steps, "settings": settings, "functions": functions, "find_start": find_start, "is_trimmed": is_trimmed}
-        self._made_with = Path(path), model, header, more
+        self._made_with = Path(path).read_bytes(), Path(path), model, header, more
         declared = re.findall(_FUNCTION.format(model), header, re.MULTILINE)
         self._declared = {name: (result, arguments) for result, name, arguments in declared}
         numbers = {name: int(number) for name, number in re.findall(_NUMBER.format(model.upper()), header, re.MULTILINE)}
@@ -148,8 +149,8 @@ class Library:
     def __deepcopy__(self, memo: object) -> "Library":
         return self
 
-    def __reduce__(self) -> "tuple[Callable[..., Library], tuple[Path, str, str, Mapping[str, object]]]":
-        """The library by its place; its steps of several together, which come from the model, are not compiled elsewhere."""
+    def __reduce__(self) -> "tuple[Callable[..., Library], tuple[bytes, Path, str, str, Mapping[str, object]]]":
+        """The library with its content; its steps of several together, which come from the model, are not compiled elsewhere."""
         return _opened, self._made_with
 
     def _table(self, name: str) -> tuple[str, ...]:
@@ -160,8 +161,12 @@ class Library:
         return tuple(entries)
 
 
-def _opened(path: Path, model: str, header: str, more: Mapping[str, Any]) -> Library:
-    return Library(path, model, header, **more, lanes=None)
+def _opened(content: bytes, path: Path, model: str, header: str, more: Mapping[str, Any]) -> Library:
+    with temporary_folder() as folder:
+        if not path.is_file():  # on another machine
+            path = folder / path.name
+            path.write_bytes(content)
+        return Library(path, model, header, **more, lanes=None)
 
 
 #: Indices into an array, and the values of the simulations there, (simulations, indices).
