@@ -142,7 +142,7 @@ def _replace_runs(monkeypatch: pytest.MonkeyPatch, derivatives: Any) -> None:
     class Runs:
         count = 0
 
-        def __init__(self, study: Study, note: Any) -> None:
+        def __init__(self, study: Study, note: Any, sims: Any = None) -> None:
             self.study = study
 
         def predict(self, theta: Any) -> list[Prediction]:

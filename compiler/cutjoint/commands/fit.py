@@ -5,23 +5,28 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
+from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 
 
 @table.command("fit")
-def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None, design: Path | None) -> None:
+def command(
+    fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None, design: Path | None, scheduler: str | None,
+) -> None:  # fmt: skip
     """Fit numbers of models to measurements as STUDY asks, and report what the data do not determine.
 
+    A repeated call continues starts and a bootstrap that were interrupted.
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
     """
     from cutjoint.fits.fit import Solver
     from cutjoint.fits.page import make_page
     from cutjoint.fits.reading import read_fit
     from cutjoint.fits.writing import as_json, rewrite_model
+    from cutjoint.sweeps.cluster import require_scheduler
 
-    files = [("--out", out), ("--model", model_out), ("--view", view)]
+    files = [("--out", out), ("--model", model_out), ("--view", view), ("--scheduler", scheduler)]
     if design is not None:
         if given := [option for option, path in files if path is not None]:
             raise click.UsageError(f"{given[0]} is of a fit; --design makes none")
@@ -29,12 +34,16 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
         return
     out = Path(f"{fit_study.stem}.json") if out is None else out
     study = read_fit(fit_study)
+    if scheduler is not None:
+        if study.starts == 1 and not study.resamples:
+            raise RunError("--scheduler is for starts and a bootstrap: the study has neither")
+        require_scheduler(scheduler)
     models = {e.model.span.file: e.model for e in study.experiments}
     ends = ["", *(f"-{i}" for i in range(2, len(models) + 1))]
     written = [] if model_out is None else [("--model", model_out.with_name(f"{model_out.stem}{end}{model_out.suffix}")) for end in ends]
     read = {"the study": fit_study, **{f"the model {file}": Path(file) for file in models}}
     require_apart(read, documents=[("--out", out), ("--view", view), *written])
-    found = Solver(study, lambda text: options.err.print(text)).solve()
+    found = Solver(study, lambda text: options.err.print(text)).solve(out, scheduler)
     write_whole(out, as_json(found))
     parameters = (
         (name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")

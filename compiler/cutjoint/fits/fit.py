@@ -1,16 +1,24 @@
 """The fit: least squares on exact sensitivities, and what can be said of its result; combinations that data leave open."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cutjoint.fits.reading import read_fit
 from cutjoint.fits.records import Array, Signal, Study
-from cutjoint.fits.residuals import Prediction, Runs
-from cutjoint.package.errors import CutjointError, RunError
-from cutjoint.package.locations import AnyPath
+from cutjoint.fits.residuals import Prediction, Runs, Sims
+from cutjoint.package.errors import CutjointError
+from cutjoint.package.locations import AnyPath, __version__
+from cutjoint.run.stopping import StopRequest, stop_requests
+from cutjoint.sweeps import records as sweeps
+from cutjoint.sweeps.run import make_table
+from cutjoint.sweeps.work import Work
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: Singular values below these shares of the largest: nothing changes to the accuracy of derivatives; hardly anything does.
 NULL, NEAR = 1e-8, 1e-4
@@ -18,9 +26,11 @@ NULL, NEAR = 1e-8, 1e-4
 #: A share in a combination below which a name is left out, and the collinearity (Brun, Reichert and Kuensch, 2001) that is much.
 _SHARE, COLLINEAR = 0.05, 20.0
 #: Shares of the parameters and of the cost by which an iteration that changes no more ends the fit.
-_STEP, _CHANGE = 1e-10, 1e-8
-#: Residuals below this share of a signal's size are rounding, and judged no further.
-_ROUNDING = 1e-7
+_STEP, _CHANGE = 1e-8, 1e-8
+#: The most runs of a fit, and of one to a window that others follow; the residual, as a share of signals' changes, of a model that follows.
+_MOST, _FEW, _FOLLOWS = 100, 6, 0.5
+#: Residuals below this share of a signal's size are rounding, and judged no further; above this multiple of a deviation they are too large.
+_ROUNDING, _LOUD = 1e-7, 2.0
 #: Exit statuses of verdicts.
 STATUSES = {"": 0, "not converged": 3, "not identified": 4, "residual not white": 5}
 
@@ -48,12 +58,9 @@ def identify(jacobian: Array, names: Sequence[str], sizes: Array, samples: int) 
     largest = decompose(scaled[:samples])[0][0] or 1.0
     lengths = np.linalg.norm(scaled, axis=0)
     unit = scaled / np.where(lengths > NULL * largest, lengths, np.inf)
-    pairs = []
-    for i in range(len(names)):
-        for j in range(i):
-            product = min(abs(float(unit[:, i] @ unit[:, j])), 1.0)
-            if 1 - 1 / COLLINEAR**2 < product < 1 - NULL:  # beyond, a combination of both is open
-                pairs.append((names[j], names[i], float(1 / np.sqrt(1 - product))))
+    cosines = np.minimum(np.abs(unit.T @ unit), 1.0)
+    pairs = [(names[j], names[i], float(1 / np.sqrt(1 - cosines[i, j]))) for i in range(len(names)) for j in range(i)
+             if 1 - 1 / COLLINEAR**2 < cosines[i, j] < 1 - NULL]  # beyond, a combination of both is open  # fmt: skip
     return Identifiability(
         singular_values=singular, open=combine(directions[singular <= NULL * largest], names),
         nearly_open=combine(directions[(singular > NULL * largest) & (singular <= NEAR * largest)], names), collinear=tuple(pairs),
@@ -148,65 +155,70 @@ class Fit:
         return STATUSES[next(iter(self.faults), "")]
 
 
-def fit(study: AnyPath | Mapping[str, Any], *, note: Callable[[str], None] | None = None) -> Fit:
-    """Fit parameters of models to measurements, by a study (file or mapping).
+def fit(
+    study: AnyPath | Mapping[str, Any], *, out: AnyPath | None = None, scheduler: str | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Fit:  # fmt: skip
+    """Fit parameters of models to measurements, by a study (file or mapping); an interrupted call with ``out`` continues.
 
     Args:
+        out: ``starts`` and ``bootstrap`` leave tables beside it, with its name and .starts.parquet or .bootstrap.parquet.
+        scheduler: address of a Dask scheduler for these, such as "tcp://10.0.0.1:8786".
         note: is called with messages of progress.
 
     Raises:
         ModelError, EquationsError, RunError: the study, a model or the data are wrong, or the runs at the start values fail.
         ToolchainError: the C++ side failed.
     """
-    return Solver(read_fit(study), note or (lambda text: None)).solve()
+    with temporary_folder() as folder:
+        return Solver(read_fit(study), note or (lambda text: None)).solve(Path(out or folder / "fit"), scheduler)
 
 
 class Solver:
-    """The steps of a fit."""
+    """The steps of a fit; ``sims`` are its simulations where they have been compiled before."""
 
-    def __init__(self, study: Study, note: Callable[[str], None]) -> None:
+    def __init__(self, study: Study, note: Callable[[str], None], sims: Sims | None = None) -> None:
         self.study, self.note = study, note
         self.names = [p.name for p in study.parameters]
         self.sizes, self.start, self.low, self.high, self.mean, self.prior = (
             np.array([getattr(p, key) for p in study.parameters]) for key in ("size", "start", "low", "high", "mean", "deviation")
         )  # fmt: skip
         self.known = np.isfinite(self.prior)
-        for e in study.experiments:
-            for words in e.notes:
-                note(f"{e.name}: {words}")
-        self.runs = Runs(study, note)
+        for words in (f"{e.name}: {words}" for e in study.experiments for words in e.notes):
+            note(words)
+        self.runs = Runs(study, note, sims)
         self.signals = [s for e in study.experiments if not e.validation for s in e.signals]
         self.deviations = np.array([_spread(s) if np.isnan(s.deviation) else s.deviation for s in self.signals])
         self.open = np.array([np.isnan(s.deviation) for s in self.signals])
         self.kept: tuple[bytes, tuple[Array, Array]] = (b"", (np.zeros(0), np.zeros((0, 0))))
-        self.best: tuple[float, tuple[float, ...]] = (np.inf, tuple(self.start))
         self.noise: list[Array] = [np.zeros(len(s.values)) for s in self.signals]
 
-    def solve(self) -> Fit:
-        """The result."""
+    def solve(self, out: Path, scheduler: str | None = None) -> Fit:
+        """The result; tables of starts and of the bootstrap, which a scheduler's workers fill, go beside a path."""
         from scipy.stats import qmc, t
 
         samples = sum(len(s.values) for s in self.signals)
         try:
-            before = identify(self.residuals(self.start)[1], self.names, self.sizes, samples)
+            self.residuals(self.start)
         except CutjointError as error:
-            raise RunError(f"{self.study.file}: the runs with the start values fail: {error}") from None
+            self.note(f"the runs with the start values fail: {error}")
+            self.runs.share = 0.5 ** (self.study.windows - 1)
+        jacobian, self.runs.share = self.residuals(self.start)[1], 1.0
+        before = identify(jacobian, self.names, self.sizes, len(jacobian) - int(self.known.sum()))
         for words in _open(before):
-            self.note(f"the data do not determine: {words}")
-        begins = [self.start]
+            self.note(f"at the start values {words}")
         if self.study.starts > 1:
-            points = qmc.Sobol(len(self.names), seed=self.study.seed).random(self.study.starts - 1)
-            begins += list(self.low + points * (self.high - self.low))
-        tries = []
-        for number, begin in enumerate(begins):
-            found = self._through_windows(begin)
-            self.note(f"start {number + 1} of {len(begins)}: cost {found.cost:.6g} after {found.njev} iterations")
-            tries.append(found)
-        best = min(tries, key=lambda found: float(found.cost))
-        iterations = best.njev
+            points = qmc.Sobol(len(self.names), seed=self.study.seed).random_base2(self.study.starts.bit_length())[: self.study.starts - 1]
+            tried = self._try("starts", np.vstack([self.start, self.low + points * (self.high - self.low)]), out, scheduler)
+            costs, (_, iterations, _, *x) = tried[:, 0], tried[np.nanargmin(tried[:, 0])]
+            best = self.least_squares(np.array(x))
+        else:
+            best = self.through_windows(self.start)
+            costs, iterations = np.array([best.cost]), best.njev
         if self.open.any():  # weights by the residuals that remain
             self._estimate(best.x)
             best = self.least_squares(best.x)
+            iterations += best.njev
             self._estimate(best.x)
         for name in np.array(self.names)[best.active_mask != 0]:
             self.note(f"{name} ends at its bound")
@@ -214,17 +226,17 @@ class Solver:
         after = identify(jacobian, self.names, self.sizes, samples)
         deviations, correlations = self._covariance(jacobian)
         if self.study.resamples:
-            deviations = self._bootstrap(best.x)
+            draws = np.column_stack([np.arange(self.study.resamples), np.tile(best.x, (self.study.resamples, 1))])
+            deviations = np.nanstd(self._try("bootstrap", draws, out, scheduler)[:, 3:], axis=0, ddof=1)
         reach = t.ppf(0.975, max(samples - len(self.names), 1)) * deviations
-        numbers = {p.name: float(x) for p, x in zip(self.study.parameters, best.x, strict=True)}
-        tied = {s: float(v.xreplace({p.symbol: x for p, x in zip(self.study.parameters, map(float, best.x), strict=True)}))
-                for s, v in self.study.ties.items()}  # fmt: skip
+        numbers, symbols = dict(zip(self.names, map(float, best.x), strict=True)), [p.symbol for p in self.study.parameters]
+        tied = {s: float(v.xreplace(dict(zip(symbols, numbers.values(), strict=True)))) for s, v in self.study.ties.items()}
         results = self._results(best.x)
         return Fit(
             names=tuple(self.names), units=tuple(p.unit for p in self.study.parameters), start=self.start, values=best.x,
             deviations=deviations, intervals=np.column_stack([best.x - reach, best.x + reach]), correlations=correlations,
-            numbers=numbers | tied, cost=float(best.cost), iterations=iterations, runs=self.runs.count,
-            starts=tuple(float(each.cost) for each in tries), before=before, after=after, signals=results,
+            numbers=numbers | tied, cost=float(best.cost), iterations=int(iterations), runs=self.runs.count,
+            starts=tuple(map(float, costs)), before=before, after=after, signals=results,
             faults=self._find_faults(best, after, reach, results), study=self.study,
         )  # fmt: skip
 
@@ -235,61 +247,81 @@ class Solver:
             found = self.runs.predict(theta)
             kept = [noise[: len(p.values)] for p, noise in zip(found, self.noise, strict=True)]
             rows = [(p.values - p.signal.values - noise) / s for p, s, noise in zip(found, self.deviations, kept, strict=True)]
+            shares = [r * s / _spread(x) for r, s, x in zip(rows, self.deviations, self.signals, strict=True)]
+            self.missed = float(np.sqrt(np.mean(np.concatenate(shares) ** 2)))
             derivatives = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
-            known = self.known
-            rows.append(((theta - self.mean)[known]) / self.prior[known])
-            derivatives.append(np.eye(len(theta))[known] / self.prior[known, np.newaxis])
-            self.kept = key, (np.concatenate(rows), np.vstack(derivatives))
+            priors, own = (theta - self.mean)[self.known] / self.prior[self.known], np.diag(1 / self.prior)[self.known]
+            self.kept = key, (np.concatenate([*rows, priors]), np.vstack([*derivatives, own]))
         return self.kept[1]
 
-    def _through_windows(self, begin: Array) -> Any:
-        """The result over the whole time from those over shorter windows, in which phases of an oscillation cannot differ by turns."""
-        iterations = 0
-        for window in range(self.study.windows):
-            self.runs.share = 0.5 ** (self.study.windows - 1 - window)
-            found = self.least_squares(begin)
+    def through_windows(self, begin: Array) -> Any:
+        """The result over the whole time from those over shorter windows, which reach as far as the model follows with the last parameters.
+        Later its phase may differ by turns."""
+        share, iterations, first = 0.0, 0, begin
+        while share < 1.0:
+            least, self.runs.share = max(2 * share, 0.5 ** (self.study.windows - 1)), 1.0
+            while self.runs.share > least:
+                with suppress(CutjointError):
+                    if self.residuals(begin) and self.missed < _FOLLOWS:
+                        break
+                self.runs.share /= 2
+            share = self.runs.share
+            self.note(f"fitting to {100 * share:.3g} % of the time")
+            try:
+                found = self.least_squares(begin, _MOST if share == 1.0 else _FEW)
+            except CutjointError:
+                if begin is first:
+                    raise
+                begin, share = first, 0.5  # what fits a shorter window fails behind it
+                continue
             begin, iterations = found.x, iterations + found.njev
         found.njev = iterations
         return found
 
-    def least_squares(self, begin: Array) -> Any:
-        """SciPy's result from a start, whose unknowns are shares of sizes."""
+    def least_squares(self, begin: Array, most: int = _MOST) -> Any:
+        """SciPy's result from a start, whose unknowns are shares of sizes, after so many runs at ``most``."""
         from scipy.optimize import least_squares
 
-        sizes, count, size = self.sizes, 0, len(self.residuals(begin)[0])
+        sizes, count, steps, left, size = self.sizes, 0, 0, False, len(self.residuals(begin)[0])
+        best = np.inf, tuple(begin)
 
         def function(x: Array) -> Array:
-            nonlocal count
+            nonlocal count, left, best
+            if not np.array_equal(x, np.clip(x, self.low / sizes, self.high / sizes)):
+                left = True
+                return np.full(size, np.nan)
             try:
                 rows = self.residuals(x * sizes)[0]
             except CutjointError as error:  # the trust region shrinks
                 self.note(f"  a run failed, with a smaller step again: {error}")
                 return np.full(size, np.nan)
-            count += 1
-            self.best = min(self.best, (float(np.mean(rows**2)), tuple(x * sizes)))
-            self.note(f"  run {count}: residual {np.sqrt(np.mean(rows**2)):.6g} of the standard deviations")
+            count, best = count + 1, min(best, (float(rows @ rows), tuple(x * sizes)))
+            self.note(f"  run {count}: cost {rows @ rows / 2:.6g}, residual {self.missed:.6g} of the signals' changes")
             return rows
 
         try:
-            found = least_squares(
-                function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(self.low / sizes, self.high / sizes),
-                loss=self.study.loss, x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=100,
-            )  # fmt: skip
+            for low, high in ((-np.inf, np.inf), (self.low / sizes, self.high / sizes)):  # bounds that are far away only take time
+                found = least_squares(
+                    function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(low, high), loss=self.study.loss,
+                    x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=most,
+                )  # fmt: skip
+                steps, begin = steps + found.njev - 1, np.clip(found.x * sizes, self.low, self.high)  # less the first run
+                if most == _FEW or not left:
+                    break
         except BaseException as stop:  # by the user too
-            values = ", ".join(f"{name}: {{start: {x:.12g}}}" for name, x in zip(self.names, self.best[1], strict=True))
+            values = ", ".join(f"{name}: {{start: {x:.12g}}}" for name, x in zip(self.names, best[1], strict=True))
             stop.add_note(f"the best parameters so far, in SI units, for another call: {{{values}}}")
             raise
-        found.x = found.x * sizes
+        found.x, found.njev = begin, steps
         return found
 
     def _estimate(self, theta: Array) -> None:
         """Standard deviations of noise that are not given, from residuals."""
         predictions = self.runs.predict(theta)
         share = 1 - min(len(self.names) / sum(len(s.values) for s in self.signals), 0.9)
-        for i, p in enumerate(predictions):
-            if self.open[i]:
-                found = float(np.sqrt(np.mean((p.values - p.signal.values) ** 2) / share))
-                self.deviations[i] = max(found, 1e-9 * _spread(p.signal))
+        for i in np.flatnonzero(self.open):
+            found = float(np.sqrt(np.mean((predictions[i].values - self.signals[i].values) ** 2) / share))
+            self.deviations[i] = max(found, 1e-9 * _spread(self.signals[i]))
 
     def _covariance(self, jacobian: Array) -> tuple[Array, Array]:
         """Standard deviations, infinite where data leave a parameter open, and correlations."""
@@ -302,15 +334,24 @@ class Solver:
         is_open = np.abs(directions[~determined]).max(axis=0, initial=0.0) > np.sqrt(NULL)
         return np.where(is_open, np.inf, deviations * self.sizes), covariance / np.outer(lengths, lengths)
 
-    def _bootstrap(self, theta: Array) -> Array:
-        """Standard deviations from fits to the model's outputs with noise of resampled residuals."""
-        rng, found = np.random.default_rng(self.study.seed), []
-        errors = [p.signal.values - p.values for p in self.runs.predict(theta)]
-        for _ in range(self.study.resamples):
-            self.noise = [rng.choice(e, len(e)) - e for e in errors]
-            found.append(self.least_squares(theta).x)
-        self.noise = [np.zeros(len(e)) for e in errors]
-        return np.asarray(np.std(found, axis=0, ddof=1))
+    def _try(self, kind: str, values: Array, out: Path, scheduler: str | None) -> Array:
+        """Cost, iterations, runs and parameters of many fits (rows), in a table that stays; NaN where one failed."""
+        study, e, drawn = self.study, self.study.experiments[0], ["draw"] * (kind == "bootstrap")
+        results = ["cost of fit", "iterations of fit", "runs of fit", *(f"{name} fitted" for name in self.names)]
+        columns = [sweeps.Variable(name=n, kind=sweeps.Kind.INPUT, unit="", span=e.span) for n in (*drawn, *self.names)]
+        objectives = tuple(sweeps.Objective(name=n, reduction="value", series=0) for n in results)
+        rows = sweeps.Study(file=study.file, model=e.model, variables=tuple(columns), values=values, objectives=objectives, span=e.span)
+        manifest = {"cutjoint": __version__, "study": study.digest, kind: len(values), "deviations": self.deviations.tolist()}
+        with stop_requests() as request:
+            tries = partial(_try_one, study, self.runs.sims, self.deviations, request)
+            work = Work(kernels=(), has_scenes=False, objectives=objectives, trajectories=(), every=1, tasks=tries)
+            path, said = out.with_suffix(f".{kind}.parquet"), lambda done, of: self.note(f"{kind}: {done} of {of} fits")
+            table = make_table(rows, work, manifest, path, scheduler, None, said, self.note)
+        found = np.column_stack([table[name] for name in results])
+        self.runs.count += int(np.nansum(found[:, 2]))
+        for number, (failure, cost) in enumerate(zip(table.failures, found[:, 0], strict=True), start=1):
+            self.note(f"{kind}: fit {number} " + (f"failed: {failure}" if failure else f"ends with cost {cost:.6g}"))
+        return found
 
     def _results(self, theta: Array) -> tuple[SignalResult, ...]:
         fitted = zip(self.runs.predict(theta), self.deviations, strict=True)
@@ -321,19 +362,42 @@ class Solver:
         faults = {}
         if found.status <= 0:
             faults["not converged"] = f"after {found.nfev} runs: {found.message}"
-        wide = [f"{name} to ±{x:.3g}" for name, x, size in zip(self.names, reach, self.sizes, strict=True) if x > size]
+        wide = [f"{n} (95 % interval: ±{x:.3g})" for n, x, size in zip(self.names, reach, self.sizes, strict=True) if size < x < np.inf]
         if after.open or wide:
-            faults["not identified"] = "; ".join([*map(describe, after.open), *wide])
-        tested = [r for r in results if r.p_value is not None and not r.validation]
-        level = 0.01  # the probability, for all signals together, that white noise counts as not white
-        if coloured := [r for r in tested if r.p_value is not None and r.p_value < level / len(tested)]:
-            faults["residual not white"] = ", ".join(f"{r.signal} of {r.experiment}" for r in coloured)
+            faults["not identified"] = "; ".join([*(f"no effect if together: {describe(x)}" for x in after.open), *wide])
+        fitted = [r for r in results if not r.validation]
+        level = 0.01 / len(fitted)  # 1 %, for all signals together, is the probability that white noise counts as not white
+        coloured = [f"{r.signal} of {r.experiment}" for r in fitted if r.p_value is not None and r.p_value < level]
+        if self.study.loss == "linear":
+            loud = ((r, r.rms / r.deviation) for r in fitted if r.rms > _LOUD * r.deviation)
+            coloured += [f"{r.signal} of {r.experiment} has {ratio:.3g} times the deviation that the study gives" for r, ratio in loud]
+        if coloured:
+            faults["residual not white"] = ", ".join(coloured)
         return faults
 
 
+def _try_one(study: Study, sims: Sims, deviations: Array, request: StopRequest, scene: int, values: Array) -> Mapping[int, float]:
+    """Cost, iterations, runs and parameters of a fit from a start, or to the noise of a draw, whose number comes first, from a start."""
+
+    def check(text: str) -> None:
+        if request.number is not None:
+            raise request.error("interrupted")
+
+    (solver := Solver(study, check, sims)).deviations = deviations
+    if len(values) == len(solver.names):
+        found = solver.through_windows(values)
+    else:
+        rng = np.random.default_rng([study.seed, int(values[0])])
+        errors = [p.signal.values - p.values for p in solver.runs.predict(values[1:])]
+        solver.noise = [rng.choice(e, len(e)) - e for e in errors]
+        found = solver.least_squares(values[1:])
+    return dict(enumerate([found.cost, found.njev, solver.runs.count, *found.x]))
+
+
 def _open(found: Identifiability) -> list[str]:
-    pairs = [f"{a} and {b} apart (collinearity {index:.3g})" for a, b, index in found.collinear]
-    return [*map(describe, found.open), *(f"{describe(x)} (nearly)" for x in found.nearly_open), *pairs]
+    pairs = [f"{a} and {b} have similar effects (collinearity {index:.3g})" for a, b, index in found.collinear]
+    known = (("do not determine", found.open), ("hardly determine", found.nearly_open))
+    return [*(f"the data {how}: {describe(x)}" for how, combinations in known for x in combinations), *pairs]
 
 
 def _spread(signal: Signal) -> float:

@@ -42,15 +42,14 @@ def follow(model: Model, scene: Scene, names: tuple[str, ...]) -> Followed:
     for name in names:
         if name not in joints or len(joints[name].element.coordinates) != 1:
             raise RunError(f"'{name}' is no joint with one coordinate" if name in joints else f"there is no joint '{name}'")
-    inputs = {name: _input(joints[name]) for name in names}
+    inputs = {}
+    for joint in map(joints.__getitem__, names):
+        own, unit = f"motion_of_{joint.name.replace('.', '_')}", joint.element.units[joint.element.coordinates[0]]
+        symbol = sympy.Symbol(f"p_{own}", real=True)
+        inputs[joint.name] = Parameter(name=own, symbol=symbol, value=0.0, unit=unit, binding=Binding.INPUT, span=joint.span)
     scene = replace(scene, guides={**scene.guides, **{name: (p.symbol,) for name, p in inputs.items()}})
     model = with_guide_forces(in_scene(replace(model, parameters=(*model.parameters, *inputs.values())), scene), names)
     return Followed(model=model, scene=scene, inputs=inputs, drives={f"{name}.drive": _drive(model, joints[name]) for name in names})
-
-
-def _input(joint: Joint) -> Parameter:
-    name, unit = f"motion_of_{joint.name.replace('.', '_')}", joint.element.units[joint.element.coordinates[0]]
-    return Parameter(name=name, symbol=sympy.Symbol(f"p_{name}", real=True), value=0.0, unit=unit, binding=Binding.INPUT, span=joint.span)
 
 
 def _drive(model: Model, joint: Joint) -> tuple[Term, tuple[Output, ...]]:

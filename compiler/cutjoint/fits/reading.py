@@ -1,8 +1,10 @@
 """From the study file of a fit to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
@@ -60,12 +62,12 @@ def read_fit(study: AnyPath | Mapping[str, Any]) -> Study:
     document = check_part(source, problems, parts.Document, element_of)
     if document is None or problems:
         raise problems.error()
-    return _Reading(source, problems, document, Path() if named else Path(file).parent).study()
+    return _Reading(source, problems, document, Path() if named else Path(file).parent, text).study()
 
 
 class _Reading:
-    def __init__(self, source: Source, problems: Problems, document: parts.Document, folder: Path) -> None:
-        self.source, self.problems, self.document, self.folder = source, problems, document, folder
+    def __init__(self, source: Source, problems: Problems, document: parts.Document, folder: Path, text: str) -> None:
+        self.source, self.problems, self.document, self.folder, self.text = source, problems, document, folder, text
         scope = Scope(source=source, problems=problems, directory=Directory(frozenset(), {}, frozenset()), names={}, values={})
         self.where = Element(scope, "fit", "", ())
         self.models: dict[str, Model] = {}
@@ -113,11 +115,13 @@ class _Reading:
         if starts is not None and not all(isfinite(p.low + p.high) for p in fitted):
             self._fail(("starts",), "several starts lie between bounds", "give each parameter 'from' and 'to'")
             raise self.problems.error()
+        read = [self.text, *(m.content for m in self.models.values())]
+        digest = sha256(b"".join([*map(str.encode, read), *((self.folder / file).read_bytes() for file, _ in self.data)])).hexdigest()
         return Study(
-            file=self.source.file, method=document.method, integrator=document.integrator, parameters=tuple(fitted), ties=ties,
-            experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
+            file=self.source.file, digest=digest, method=document.method, integrator=document.integrator, parameters=tuple(fitted),
+            ties=ties, experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
             seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
-            windows=document.windows, design=self.design,
+            windows=1 if all(e.is_pose for e in experiments) else document.windows, design=self.design,
         )  # fmt: skip
 
     def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:
@@ -410,12 +414,9 @@ def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Mod
     try:
         return read(tunable)
     except ModelError:
-        return read([name for name in tunable if _can_read(read, name)])  # others may be of another model; what none has is noted
-
-
-def _can_read(read: Callable[[Sequence[str]], Model], name: str) -> bool:
-    try:
-        read([name])
-    except ModelError:
-        return False
-    return True
+        kept = list[str]()
+        for name in tunable:  # others may be of another model; what none has is noted
+            with suppress(ModelError):
+                read([name])
+                kept.append(name)
+        return read(kept)

@@ -83,9 +83,11 @@ class Design:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A fit: parameters, ``ties`` of numbers of models to them, experiments, and ``windows``, each twice as long as the last."""
+    """A fit: parameters, ``ties`` of numbers of models to them, experiments, and the number of ``windows``.
+    ``digest`` is that of all that was read."""
 
     file: str
+    digest: str
     method: str
     integrator: str | None
     parameters: tuple[Parameter, ...]

@@ -1,8 +1,8 @@
 """Residuals of experiments, with exact derivatives by the parameters of the fit."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import sympy
@@ -15,6 +15,8 @@ from cutjoint.package.errors import RunError
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.sweeps.code import symbol_of
+
+Sims: TypeAlias = Mapping[tuple[object, ...], Simulation]  # by all that distinguishes them
 
 #: The share of a step by which a sample may be off its end and count as there.
 _ROUNDING = 1e-6
@@ -33,17 +35,14 @@ class Prediction:
 class Runs:
     """The runs of a study, whose models are compiled once each."""
 
-    def __init__(self, study: Study, note: Callable[[str], None]) -> None:
-        self.study, self.count = study, 0
-        self.share = 1.0
-        sims: dict[tuple[object, ...], Simulation] = {}
-        self._cases = []
+    def __init__(self, study: Study, note: Callable[[str], None], sims: Sims | None = None) -> None:
+        self.study, self.count, self.share, self.sims, self._cases = study, 0, 1.0, {k: sim.copy() for k, sim in (sims or {}).items()}, []
         for e in study.experiments:
             key = (e.model.span.file, e.scene.name, tuple(o.column for o in e.outputs), tuple(e.inputs), e.at_rest)  # both settings stay
-            if key not in sims:
+            if key not in self.sims:
                 note(f"compiling {e.model.name}, scene '{e.scene.name}'")
-                sims[key] = load_scene(e.model, e.scene, method=study.method, integrator=study.integrator, linearise=True)
-            self._cases.append(_Case(study, e, sims[key]))
+                self.sims[key] = load_scene(e.model, e.scene, method=study.method, integrator=study.integrator, linearise=True)
+            self._cases.append(_Case(study, e, self.sims[key]))
 
     def predict(self, theta: Array, *, validation: bool = False) -> list[Prediction]:
         """What the model says of all signals with these parameters: of the experiments for the fit, or of those for validation.
@@ -56,7 +55,7 @@ class _Case:
     """An experiment with its simulation."""
 
     def __init__(self, study: Study, experiment: Experiment, sim: Simulation) -> None:
-        self.study, self.experiment, self.sim = study, experiment, sim
+        self.experiment, self.sim = experiment, sim
         numbers = {p.name: p.symbol for p in study.parameters} | dict(study.ties)
         self.names = [name for name in numbers if name in sim.parameters or name in sim.inputs]
         self.symbols = [p.symbol for p in study.parameters]
@@ -96,20 +95,17 @@ class _Case:
 
         def call(t: Array, y: Array, dy: Array, by_theta: Array) -> tuple[Array, Array]:
             numbers, *partials = found(t, *y.T, *(self.sim.parameters[own[s].name] for s in moving))
-            total = np.zeros((len(t), dy.shape[2]))
-            for i, partial in enumerate(partials[: len(outputs)]):
-                total += np.broadcast_to(partial, t.shape)[:, np.newaxis] * dy[:, i]
-            for place, partial in zip(places, partials[len(outputs) :], strict=True):
-                if place is not None:
-                    total += np.broadcast_to(partial, t.shape)[:, np.newaxis] * by_theta[place]
-            return np.broadcast_to(numbers, t.shape).astype(float), total
+            changes = [*dy.swapaxes(0, 1), *(0 * dy[0, 0] if place is None else by_theta[place] for place in places)]
+            total = sum(np.broadcast_to(x, t.shape)[:, np.newaxis] * change for x, change in zip(partials, changes, strict=True))
+            return np.broadcast_to(numbers, t.shape).astype(float), np.zeros((len(t), dy.shape[2])) + total
 
         return call
 
     def predict(self, theta: Array, share: float) -> Iterator[Prediction]:
         """What the model says of each signal in this share of its time."""
         e, sim = self.experiment, self.sim
-        signals = [s if share == 1.0 or e.is_pose else _first(s, share) for s in e.signals]
+        kept = [max(1, int(np.searchsorted(s.times, (1.0 if e.is_pose else share) * s.times[-1], "right"))) for s in e.signals]
+        signals = [replace(s, times=s.times[:n], values=s.values[:n]) for s, n in zip(e.signals, kept, strict=True)]
         numbers, by_theta = self.numbers(theta)
         own = len(self.names)
         for name, number in zip(self.names, numbers, strict=False):
@@ -148,7 +144,11 @@ class _Case:
         self._choose()
         states = np.zeros((len(sim.states), len(self.names) + len(self.coordinates)))
         if len(self.coordinates) < len(sim.states):  # else all of the start is given
-            states[:, : len(self.names)] = found([], self.names).states
+            try:
+                states[:, : len(self.names)] = found([], self.names).states
+            except ValueError as error:
+                words = f"{self.experiment.span}: experiment '{self.experiment.name}': rest: {str(error).partition(';')[0]}"
+                raise RunError(f"{words}; let its inputs and motions begin at rest, or give its start") from None
         if self.coordinates:
             x = sim.states.array.copy()
             places = [sim.states.place(name) for name in self.coordinates]
@@ -185,20 +185,13 @@ class _Case:
         return np.arange(float(rows)), np.array(values), np.array(derivatives)
 
 
-def _first(signal: Signal, share: float) -> Signal:
-    """The samples of a signal in the first share of its time, one at least."""
-    kept = max(1, int(np.searchsorted(signal.times, share * signal.times[-1], "right")))
-    return replace(signal, times=signal.times[:kept], values=signal.values[:kept])
-
-
 def _covering(table: Any, end: float) -> dict[str, object]:
     """A table over time that lasts from 0 to an end (s): what is missing there is held."""
-    t, value, rate = table["t"], table["value"], table.get("rate")
-    for place, time in ((0, min(0.0, t[0] - 1e-9)), (len(t), max(end, t[-1] + 1e-9))):
-        if (place == 0 and t[0] > 0.0) or (place and t[-1] < end):
-            t, value = np.insert(t, place, time), np.insert(value, place, value[min(place, len(value) - 1)])
-            rate = None if rate is None else np.insert(rate, place, 0.0)
-    return {**table, "t": t, "value": value} | ({} if rate is None else {"rate": rate})
+    t = table["t"]
+    before, after = [min(0.0, t[0] - 1e-9)] * bool(t[0] > 0.0), [max(end, t[-1] + 1e-9)] * bool(t[-1] < end)
+    more = len(before), len(after)
+    rates = {"rate": np.pad(table["rate"], more)} if "rate" in table else {}
+    return {**table, "t": np.concatenate([before, t, after]), "value": np.pad(table["value"], more, "edge"), **rates}
 
 
 def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float, *, moves: bool) -> tuple[Array, Array, Array]:

@@ -5,6 +5,7 @@ on another one; rows follow from values alone, so that it does not matter how of
 """
 
 import asyncio
+import pickle
 import re
 import socket
 from collections.abc import Callable, Iterator
@@ -156,7 +157,7 @@ class Cluster:
 
     def __init__(self, work: Work, address: str, note: Callable[[str], None]) -> None:
         self._dask, self._address, self._note = dask(), address, note
-        self._key = sha256("".join(kernel.digest for kernel in work.kernels).encode()).hexdigest()
+        self._key = sha256("".join(kernel.digest for kernel in work.kernels).encode() + pickle.dumps(work.tasks)).hexdigest()
         self._done: Queue[Any] = Queue()
         self._chunks: dict[Any, tuple[Chunk, frozenset[str]]] = {}
         self._refused: dict[str, str] = {}

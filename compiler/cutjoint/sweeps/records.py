@@ -1,7 +1,7 @@
 """A study once its file is read: plain records, numbers in SI units."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
 from typing import TypeAlias
@@ -87,21 +87,21 @@ class Study:
 
     file: str
     model: Model
-    scenes: tuple[Scene, ...]
-    method: str
-    integrator: str | None
-    tunable: tuple[str, ...]
-    flags: tuple[str, ...]
+    scenes: tuple[Scene, ...] = ()
+    method: str = ""
+    integrator: str | None = None
+    tunable: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
     variables: tuple[Variable, ...]
     values: Array
-    outputs: tuple[Output, ...]
-    series: tuple[Series, ...]
+    outputs: tuple[Output, ...] = ()
+    series: tuple[Series, ...] = ()
     objectives: tuple[Objective, ...]
-    trajectories: tuple[int, ...]
-    every: int
-    design: Mapping[str, object]
+    trajectories: tuple[int, ...] = ()
+    every: int = 1
+    design: Mapping[str, object] = field(default_factory=dict)
     span: Span
-    digest: str
+    digest: str = ""
 
     @property
     def runs(self) -> int:

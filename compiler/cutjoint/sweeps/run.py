@@ -144,7 +144,6 @@ def perform_study(
     note: Callable[[str], None] | None = None,
 ) -> Sweep:  # fmt: skip
     """Perform a study that has been read."""
-    say, begin = note or (lambda text: None), perf_counter()
     arrow()
     has_tasks = any(o.asked is not None for o in study.objectives)
     if scheduler is not None:
@@ -156,15 +155,23 @@ def perform_study(
     if scheduler is not None:
         require_scheduler(scheduler)
     kernels = build_kernels(study)
-    layout = Layout(study=study, manifest=make_manifest(study, kernels))
-    if is_whole(out, layout):
-        return Sweep(path=out, performed=0, seconds=0.0, elapsed=perf_counter() - begin)
-    if out.exists():
-        say(f"{out} is no table of this sweep, or a damaged one: it is replaced when all rows are there")
     work = Work(
         kernels=kernels, has_scenes=any(v.kind is Kind.SCENE for v in study.variables), objectives=study.objectives,
         trajectories=study.trajectories, every=study.every, tasks=Tasks(study).find if has_tasks else None,
     )  # fmt: skip
+    return make_table(study, work, make_manifest(study, kernels), out, scheduler, threads, progress, note)
+
+
+def make_table(
+    study: Study, work: Work, manifest: Mapping[str, Any], out: Path, scheduler: str | None, threads: int | None, progress: Progress | None,
+    note: Callable[[str], None] | None,
+) -> Sweep:  # fmt: skip
+    """Do the work on all runs of a study, here or by a cluster, and write the table; what is done already stays."""
+    say, begin, layout = note or (lambda text: None), perf_counter(), Layout(study=study, manifest=manifest)
+    if is_whole(out, layout):
+        return Sweep(path=out, performed=0, seconds=0.0, elapsed=perf_counter() - begin)
+    if out.exists():
+        say(f"{out} is no table of this sweep, or a damaged one: it is replaced when all rows are there")
     with ExitStack() as stack:
         parts = Parts(out, layout, say)
         stack.callback(parts.close)

@@ -80,7 +80,7 @@ class Layout:
     def row_bytes(self) -> int:
         """The approximate size of a row, bytes."""
         lengths = [-(-(int(scene.end / scene.output_step) + 2) // self.study.every) + 1 for scene in self.study.scenes]
-        return 8 * (4 + len(self.study.variables) + len(self.study.objectives) + len(self.study.trajectories) * max(lengths))
+        return 8 * (4 + len(self.study.variables) + len(self.study.objectives) + len(self.study.trajectories) * max(lengths, default=0))
 
     @property
     def group_rows(self) -> int:

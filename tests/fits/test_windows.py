@@ -1,0 +1,66 @@
+"""Fits from starts that are far off, beside the closed form of an oscillation, and what is said of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cutjoint
+from cutjoint.fits.fit import _open, identify
+from tests.fits.slide import study_of
+
+
+@pytest.mark.parametrize("start", [20.0, 900.0])
+def test_an_oscillation_is_found_from_starts_whose_phase_differs_by_turns(tmp_path: Path, start: float) -> None:
+    """Fits to the whole time at once take 16 and 80 iterations from here."""
+    study = study_of(tmp_path)
+    study["parameters"] = {"stiffness": {"start": start}, "damping": {"start": 1.0}}
+    found = cutjoint.fit(study)
+    assert found["stiffness"] == pytest.approx(200.0, rel=1e-6)
+    assert found["damping"] == pytest.approx(2.0, rel=1e-6)
+    assert found.verdict == "identified"
+    assert found.iterations <= 10
+
+
+def test_bounds_that_are_far_away_take_no_iterations(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    free = {**study, "parameters": {"stiffness": {}, "damping": {}}}
+    assert cutjoint.fit(study).iterations == cutjoint.fit(free).iterations <= 10
+
+
+def test_a_bound_that_holds_is_kept_to_and_said(tmp_path: Path) -> None:
+    study, said = study_of(tmp_path), list[str]()
+    study["parameters"]["damping"] = {"from": 2.5, "to": 50}
+    found = cutjoint.fit(study, note=said.append)
+    assert found["damping"] == pytest.approx(2.5, rel=1e-6)
+    assert found["stiffness"] == pytest.approx(200.0, rel=2e-2)
+    assert "damping ends at its bound" in said
+
+
+def test_a_residual_above_the_deviation_that_is_given_is_a_verdict(tmp_path: Path) -> None:
+    study = study_of(tmp_path, noise=1e-3)
+    study["experiments"]["run"]["signals"] = {"rail.displacement": {"deviation": "1e-4 m"}}
+    found = cutjoint.fit(study)
+    assert found.verdict == "residual not white"
+    assert "rail.displacement of run has 9.59 times the deviation that the study gives" in found.faults[found.verdict]
+    study["experiments"]["run"]["signals"] = {"rail.displacement": {"deviation": "1e-3 m"}}
+    assert cutjoint.fit(study).verdict == "identified"
+
+
+def test_a_mechanism_that_is_not_at_rest_is_named(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    text = (tmp_path / "slide.yaml").read_text().replace("-stiffness*position", "-stiffness*(position - 0.1*t)")
+    (tmp_path / "slide.yaml").write_text(text)
+    study["experiments"]["run"]["rest"] = True
+    with pytest.raises(cutjoint.CutjointError, match=r"experiment 'run': rest: "):
+        cutjoint.fit(study)
+
+
+def test_parameters_with_similar_effects_are_not_called_undetermined() -> None:
+    one, other = np.random.default_rng(0).normal(size=(2, 50))
+    (words,) = _open(identify(np.column_stack([one, one + 0.02 * other]), ["p", "q"], np.ones(2), 50))
+    assert words.startswith("p and q have similar effects (collinearity 64.7)")
+    words, *_ = _open(identify(np.column_stack([one, one + 1e-6 * other]), ["p", "q"], np.ones(2), 50))
+    assert words.startswith("the data hardly determine: ")
