@@ -6,7 +6,7 @@ import gc
 import os
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,16 +31,20 @@ os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a mach
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`;
-    else compile loaded models, FMUs and C exports, which share no libraries with others, without optimisation: in half the time."""
+    else compile libraries of loaded models and sweeps, FMUs and C exports without optimisation: in half the time."""
     if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
         os.environ["CUTJOINT_TEST_CODE"] = "generated"
     elif _FAST:
+        from cutjoint.compile.c_export import FLAGS, Standalone
         from cutjoint.export.fmu.archive import Fmu
-        from cutjoint.stepping import load
         from cutjoint.toolchain import wasm
 
-        for function in (load.load, load.load_scene):
-            function.__kwdefaults__["flags"] = ("-O0",)
+        build = Standalone.build_library
+
+        def build_library(self: Standalone, flags: Sequence[str] = FLAGS) -> Path:
+            return build(self, ("-O0",) if tuple(flags) == FLAGS else flags)
+
+        Standalone.build_library = build_library  # type: ignore[method-assign]
         Fmu.build.__defaults__ = (("-O0",),)
         wasm._CXX, wasm._C = (tuple("-O0" if word == "-O2" else word for word in words) for words in (wasm._CXX, wasm._C))
 
