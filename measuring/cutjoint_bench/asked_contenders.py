@@ -14,10 +14,12 @@ from typing import Any
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
+from cutjoint.compile.prepared import code_digest
 from cutjoint.methods import AUTO, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Loops
 from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.records import Scene
 from cutjoint.package.errors import RunError
+from cutjoint.package.locations import code_folders
 from cutjoint.reduce.choose import Choice, choose, chosen_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import ErrorEstimate, Trajectory
@@ -86,15 +88,16 @@ class AutoRunner:
         if dt not in self.chosen:
             wanted, began = replace(own_scene(self.case), method=AUTO, accuracy=dt), perf_counter()
             choice = choose(self.case.model, wanted, parameters=self.case.parameters)
-            variant = chosen_model(self.case.model, wanted, choice)
+            model, scene = chosen_model(self.case.model, wanted, choice)
             self.about[dt] = {"chosen": _words(choice), "choosing": perf_counter() - began}
-            self.chosen[dt] = compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method))
+            self.chosen[dt] = compile_scene(model, scene, CompileOptions(method=choice.chosen.method))
         return simulate(self.chosen[dt], parameters=self.case.parameters, error=False, check=False)
 
 
 def _words(choice: Choice) -> str:
-    model = "the full model" if choice.chosen.variant == "full" else f"the reduced model '{choice.chosen.variant}'"
-    return f"{choice.chosen.method}, {choice.chosen.steps}, {model}"
+    chosen = choice.chosen
+    model = "the full model" if chosen.variant == "full" else f"the reduced model '{chosen.variant}'"
+    return f"{chosen.method}, {chosen.steps.integrator} at {chosen.steps}, {chosen.loops} loops, {model}"
 
 
 def own_scene(case: Case) -> Scene:
@@ -159,6 +162,6 @@ def _prepare_auto(case: Case) -> AutoRunner:
 
 
 def _identify_auto(case: Case) -> Mapping[str, str]:
-    """The full model's code: the choice itself is measured."""
+    """The full model's code, and the program that chooses: the choice itself is measured."""
     scene = own_scene(case)
-    return identity(generate(case.model, scene, scene.outputs)[-1])
+    return {**identity(generate(case.model, scene, scene.outputs)[-1]), "program": code_digest(code_folders())}

@@ -177,7 +177,7 @@ def _line(
     line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": scene_step,
                     "configuration": dict(runner.configuration), "points": points}  # fmt: skip
     for dt in _steps(plan, case, contender, scene_step):
-        if points and _predicted(points[-1], dt) > plan.most_seconds:
+        if points and _predicted(points[-1], dt, asked=contender.is_asked) > plan.most_seconds:
             break
         say(f"{case.name}: {contender.label}, {describe_setting(line, {'dt': dt})}")
         make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
@@ -253,9 +253,10 @@ def _point(
     return {**record, "about": plain(runner.about.get(dt, {}))} if isinstance(runner, AccuracyRunner | AutoRunner) else record
 
 
-def _predicted(last: Record, dt: float) -> float:
-    """The seconds of a run at a smaller step than the last."""
-    return float(last["dt"] / dt * max(last["seconds"], default=0.0))
+def _predicted(last: Record, dt: float, *, asked: bool) -> float:
+    """The seconds of a run at a smaller step than the last; of one with a smaller accuracy, whose steps follow from it by a high order, at
+    least those of the last."""
+    return float((1.0 if asked else last["dt"] / dt) * max(last["seconds"], default=0.0))
 
 
 def _limit(case: Case, runner: Runner, reference: Reference | None, scene_step: float) -> Record:

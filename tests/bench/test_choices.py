@@ -16,9 +16,11 @@ from cutjoint.commands.simulate import command as simulate_command
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.records import Model, Scene
+from cutjoint.reduce.choose import Candidate, Choice
+from cutjoint.reduce.trials import Steps
 from cutjoint.run.artifact import Artifact
 from cutjoint_bench import asked_contenders, cutjoint_contenders
-from cutjoint_bench.asked_contenders import AccuracyRunner
+from cutjoint_bench.asked_contenders import AccuracyRunner, AutoRunner
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.choices import Entry, choice_lines, find_choices
 from cutjoint_bench.contenders import CONTENDERS, choose
@@ -267,3 +269,15 @@ def test_groups_of_accuracies_have_each_adaptive_integrator() -> None:
     case = make_case(MODELS / "pendulum.yaml", watched=True)
     assert auto.options(case, 1e-4) == ["--method", "auto", "--accuracy", "0.0001", "--no-error"]
     assert auto.options(make_case(MODELS / "pendulum.yaml", watched=True, end=1.0), 1e-4) == [], "auto takes no --end"
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_what_auto_chose_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pendulum's end beside elliptic functions, by the steps that a choice names."""
+    steps = Steps(integrator="dop853", tolerance=1e-10)
+    choice = Choice(chosen=Candidate(variant="full", method="recursive", steps=steps), evidence=(), reference_change=0.0)
+    monkeypatch.setattr(asked_contenders, "choose", lambda *_, **__: choice)
+    runner = AutoRunner(case=make_case(MODELS / "pendulum.yaml", watched=True), configuration={})
+    run = runner(1e-3)
+    assert runner.about[1e-3]["chosen"] == "recursive, dop853 at 1.0e-10, exact loops, the full model"
+    assert np.max(np.abs(run["bob.x"] - pendulum_motion(run.t)["bob.x"])) < 1e-8
