@@ -19,6 +19,7 @@ REASONS = {
         "10 km from the origin the run is the same", "anti-lock braking on split friction, 0.8 and 0.3",
         "constrained motion of the Iltis by `recursive`, `augmented`, `classical` at 1e-4 s", "mirrored bumps",
         "ten seconds of the Iltis", "the Iltis on four posts, all outputs that do not drift",
+        "a library car with struts and five-link axle on a circle at 20 m/s, 2 to 6 m/s^2, both ways",
         "a car on a skid pad, a leaning motorcycle whose wheel spins have no initial guess", "the paper's scenes: airborne time and peaks",
     ),
     "a solver or numbers that take minutes to compile": (

@@ -13,7 +13,7 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
-from tests.conftest import needs_cpp
+from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.bouncing import exact_bounces, exact_switches
 
 from .slaves import ERROR, OK, Slave, fmu_of, packed, started, text_of, write
@@ -153,8 +153,9 @@ def test_steps_end_where_an_update_wants_it(wanted: float, reached: float) -> No
     assert slave.get("mass.z") == pytest.approx([0.3 - 9.81 * slave.last**2 / 2], abs=1e-12)
 
 
-def test_nobody_ends_a_step_that_must_not_end_early() -> None:
-    slave = bouncing(update=lambda time: time)
+@pytest.mark.parametrize("integrator", with_heavy(["dormand-prince", "rk4"], "rk4"))
+def test_nobody_ends_a_step_that_must_not_end_early(integrator: str) -> None:
+    slave = bouncing(integrator, update=lambda time: time)
     assert slave.step(0.0, 0.1) == OK
     assert (slave.early, slave.last) == (False, 0.1)
 

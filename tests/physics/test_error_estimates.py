@@ -100,13 +100,13 @@ RUBBED = OSCILLATOR.replace(
 ).replace("[block.x, block.vx]", "[block.x, rub.force]")  # fmt: skip
 
 
-def rubbed(method: str, late: float, steps: int | None) -> tuple[Trajectory, float]:
+def rubbed(method: str, late: float, steps: int | None, targets: dict[str, float] | None = None) -> tuple[Trajectory, float]:
     """A run with its tenth row so ``late`` (s) behind the turn, with ``steps`` between rows, and the true error of its friction."""
     row = (np.pi / 20 + late) / 10
     text = RUBBED.replace("SCENE", "").replace("end: 3, output_step: 10 ms", f"end: {15 * row!r} s, output_step: {row!r} s")
     model = read_model_text(text, "rubbed.yaml")
     (scene,) = model.scenes.values()
-    run = completed(simulate(compile_interpreted(model, scene, method=method), dt=None if steps is None else row / steps))
+    run = completed(simulate(compile_interpreted(model, scene, method=method), dt=None if steps is None else row / steps, accuracy=targets))
     exact = np.where(run.t < np.pi / 20, 0.2, -0.2)
     return run, float(np.max(np.abs(run["rub.force"] - exact)[1:]))
 
@@ -125,6 +125,14 @@ def test_a_row_beside_a_jump_may_have_its_other_side(method: str, steps: int | N
     assert run.error.converged
     assert run.error["rub.force"] == pytest.approx(0.4)
     assert run.error["block.x"] < 1e-4
+
+
+@pytest.mark.parametrize(("target", "met"), [(0.1, False), (0.5, True)])
+def test_a_target_is_not_met_by_a_row_that_may_have_the_other_side(target: float, met: bool) -> None:
+    run, error = rubbed("augmented", 1e-9, None, {"rub.force": target})
+    assert error == pytest.approx(0.4)
+    assert run.error.converged is met
+    assert run.error.targets == {"rub.force": target}
 
 
 @pytest.mark.parametrize(("method", "steps"), [("recursive", 10), ("recursive", None), ("augmented", None), ("recursive-newton", None)])

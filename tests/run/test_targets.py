@@ -102,9 +102,20 @@ def test_callers_name_outputs_too(tmp_path: Path) -> None:
         (("pull=1N", "--accuracy", "1mm"), "accuracy: steps follow from errors of positions or from those of named outputs; remove one"),
         (("pull=1N", "--method", "auto", "--implementation", "auto"), "--accuracy-of cannot be combined with method auto"),
     ):  # fmt: skip
+        if asked == ("pull=1mm",):  # also where the run with this number is in the cache
+            assert CliRunner().invoke(main, ["simulate", str(model), *one, "pull=0.001"]).exit_code == 0
         refused = CliRunner().invoke(main, ["simulate", str(model), *one, *asked])
         assert refused.exit_code == 1
         assert words in " ".join(refused.output.split())
+
+
+def test_targets_of_outputs_that_a_run_lacks_do_not_count() -> None:
+    """Reductions report places in place of a scene's outputs, and `compile_model` those of its caller."""
+    read = read_model_text(OSCILLATOR.replace("ACCURACY", "accuracy: {spring.force: 1 N, block.x: 1 mm}"), "swing.yaml")
+    scene = read.scenes["swing"]
+    places, none = (tuple(o for o in scene.outputs if o.column in names) for names in (("block.x",), ("block.vx",)))
+    assert simulate(compile_interpreted(read, scene, outputs=places)).error.targets == {"block.x": 1e-3}
+    assert simulate(compile_interpreted(read, scene, outputs=none)).error.goal == 1e-4
 
 
 def test_a_target_that_no_steps_meet_is_said(tmp_path: Path) -> None:

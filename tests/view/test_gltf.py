@@ -61,6 +61,18 @@ def test_keyframes_are_where_the_table_says(run: str, bodies: tuple[str, ...], r
 
 
 @needs_cpp
+@pytest.mark.heavy
+def test_the_attitude_in_space_is_the_tables(iltis: Shown) -> None:
+    """Of a chassis that pitches, rolls and yaws."""
+    gltf, table = Gltf.read(iltis.glb), read_csv(iltis.table)
+    t, (x, y, z, w) = (part.T if part.ndim == 2 else part for part in gltf.track("chassis", "rotation"))
+    rows = np.searchsorted(table["t"], t - 1e-4)
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    assert np.ptp(pitch) > 0.1
+    assert np.abs(np.abs(pitch) - np.abs(table["chassis.pitch"][rows])).max() < 1e-6
+
+
+@needs_cpp
 def test_the_attitude_is_the_tables(press: Shown) -> None:
     """The crank turns about y."""
     gltf, table = Gltf.read(press.glb), read_csv(press.table)

@@ -76,7 +76,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         raise RunError(f"--loops embedded: {words}; use --loops exact")
     scene = with_loops(scene, request.loops)
     if request.options.accuracy is not None:
-        scene = replace(scene, accuracy=request.options.accuracy)
+        scene = replace(scene, accuracy=request.options.accuracy, targets={})
     if request.closure is None:
         if request.implementation == Implementation.GENERIC:
             return model, scene, method

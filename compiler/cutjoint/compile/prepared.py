@@ -77,9 +77,10 @@ class PreparedRun:
     plots: "tuple[Plot, ...]" = ()
     display: tuple[str, ...] = ()
 
-    def accepts(self, parameters: Mapping[str, float]) -> bool:
-        """Return whether parameters can be changed, and inputs set to constants, without the model."""
-        if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
+    def accepts(self, parameters: Mapping[str, float], targets: Mapping[str, float]) -> bool:
+        """Return whether parameters can be changed, inputs set to constants and errors of outputs asked for without the model."""
+        units = {**self.run.units, **self.units}
+        if any(_has_other_unit(value, units.get(name, "")) for name, value in (*parameters.items(), *targets.items())):
             return False
         changed = parameters.keys() - ({} if "inputs" in self.dependent_parts else set(self.inputs))
         return not changed or (not self.dependent_parts and changed <= self.run.run_file.parameters.keys())
@@ -104,7 +105,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
         prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
     except (OSError, CutjointError, PackageNotFoundError, ValueError):
         return None  # errors are reported when the run is prepared anew
-    if prepared is None or not prepared.accepts(parameters) or not is_sound(prepared.run.simulator):
+    if prepared is None or not prepared.accepts(parameters, request.options.targets) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
 

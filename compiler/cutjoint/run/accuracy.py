@@ -248,6 +248,7 @@ def _judged(
     violation, warnings = find_common_violation(run, others), [find_imbalance(run, others)]
     jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
+    converged = converged and (not plan.targets or _meets_goal(plan, run, errors))
     if violation > 0.0:
         closed = _controlled(plan)
         difference = {} if closed is None else differences(plan.jumps, run, closed)

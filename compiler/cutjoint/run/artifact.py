@@ -150,7 +150,7 @@ def make_simulator_run(
     )  # fmt: skip
     _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
-    targets = {} if goal is None or options.accuracy is not None else dict(_targets(artifact, options)) or artifact.scene.targets
+    targets = {} if goal is None or options.accuracy is not None else dict(_targets(artifact, options))
     in_loops = (artifact.topology.joint_of[body].joint for loop in artifact.topology.loops for body in loop.bodies)
     leading = dict.fromkeys(joint.name for joint in in_loops if _has_moving_guide(artifact.model, joint))
     return SimulatorRun(
@@ -168,8 +168,10 @@ def make_simulator_run(
 
 
 def _targets(artifact: Artifact, options: Options) -> Iterator[tuple[str, float]]:
-    """The largest errors of outputs that a caller names, in their units."""
+    """The largest errors of outputs that a caller or else the scene names, in their units."""
     units = {c.name: c.unit for c in artifact.equations.columns}
+    if not options.targets:
+        yield from ((name, error) for name, error in artifact.scene.targets.items() if name in units)
     for name, error in options.targets.items():
         fault = fault_of_dimension(error, units[name]) if name in units else f"is no output of the scene; {nearest(name, units)}"
         if fault := fault or fault_of(error, above=0.0):

@@ -295,7 +295,7 @@ def read_aim(where: Element, keys: Path, number: Number, known: Mapping[str, Qua
     if section == "assemble" and (other := next(others, None)):
         hint = "write coordinates of joints, places and attitudes of bodies, lengths, or expressions of these"
         where.fail(f"assemble: '{other}' is no place", hint, keys, at_key=True)
-    elif not read and not term.value.has(FAILED):
+    elif section != "accuracy" and not read and not term.value.has(FAILED):
         where.fail(f"{section}: '{key}' names no place", "write joint.coordinate, or an expression of such", keys, at_key=True)
     span = where.scope.source.key_span((*where.path, *keys))
     unit = unit_written(str(number)) or unit_text(term.dimension)
