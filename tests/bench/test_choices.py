@@ -216,6 +216,17 @@ def test_a_run_to_an_accuracy_tells_its_estimate_beside_the_true_error(tmp_path:
             assert np.isnan(measured.errors.position), "its table has no body as a whole"
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_what_the_method_auto_takes_is_run_and_named(tmp_path: Path) -> None:
+    case, reference = pendulum(tmp_path)
+    runner = CONTENDERS["auto"].prepare(case)
+    assert isinstance(runner, AutoRunner)
+    measured = measure_point(case, "auto", runner, 1e-4, reference, 1)
+    assert measured.failure == ""
+    assert 0 < measured.errors.outputs <= 1e-4
+    assert runner.about[1e-4]["chosen"].startswith(("recursive, ", "recursive-newton, ")), runner.about
+
+
 def test_errors_of_outputs_are_in_si_units(tmp_path: Path) -> None:
     case, reference = pendulum(tmp_path)
     (name,) = case.watched
