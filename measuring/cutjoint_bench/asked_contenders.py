@@ -88,7 +88,7 @@ class AutoRunner:
         if dt not in self.chosen:
             wanted, began = replace(own_scene(self.case), method=AUTO, accuracy=dt), perf_counter()
             choice = choose(self.case.model, wanted, parameters=self.case.parameters)
-            model, scene = chosen_model(self.case.model, wanted, choice)
+            model, scene = chosen_model(choice)
             self.about[dt] = {"chosen": _words(choice), "choosing": perf_counter() - began}
             self.chosen[dt] = compile_scene(model, scene, CompileOptions(method=choice.chosen.method))
         return simulate(self.chosen[dt], parameters=self.case.parameters, error=False, check=False)

@@ -44,7 +44,8 @@ gravity: [0, 0, -9.81]
 bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
 joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
 outputs: [bob.x, bob.z]
-scenes: {swing: {end: 4, output_step: 0.02, method: auto, accuracy: 1 mm}}
+scenes:
+  swing: {end: 4, output_step: 0.02, method: auto, accuracy: 1 mm}
 """
 
 
@@ -54,8 +55,8 @@ def auto(name: str, tolerance: float, end: float) -> tuple[Model, Scene]:
     return model, replace(scene, method="auto", accuracy=tolerance, end=end)
 
 
-def picked_run(model: Model, scene: Scene, choice: Choice) -> Trajectory:
-    reduced, settings = chosen_model(model, scene, choice)
+def picked_run(choice: Choice) -> Trajectory:
+    reduced, settings = chosen_model(choice)
     run = simulate(compile_scene(reduced, settings, CompileOptions(method=choice.chosen.method)))
     assert run.failure is None
     return run
@@ -66,7 +67,7 @@ def test_the_pendulum_keeps_its_tolerance() -> None:
     model = read_model_text(PENDULUM, "pendulum.yaml")
     scene = model.scenes["swing"]
     choice = choose(model, scene)
-    run = picked_run(model, scene, choice)
+    run = picked_run(choice)
     period = 4 * quarter_period(0.5) / np.sqrt(9.81)
     x = np.interp(period + np.array([-0.04, 0.0, 0.04]), run.t, run["bob.x"])
     assert x[1] == pytest.approx(1, abs=3e-3)  # interpolated between rows
@@ -78,14 +79,15 @@ def test_the_pendulum_keeps_its_tolerance() -> None:
 def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
     """Against elliptic functions."""
     model, scene = auto("four_bar", 1e-3, 2.0)
-    run = picked_run(model, scene, choose(model, scene))
+    run = picked_run(choose(model, scene))
     angle, _ = crank_motion(Chain(windows=2), run.t)
     assert np.abs(run["tip.x"] - np.sin(angle)).max() <= 1e-3
     assert np.abs(run["tip.y"] - np.cos(angle)).max() <= 1e-3
 
 
 CHOSEN = Candidate(variant="full", method="recursive", steps=Steps(integrator="trapezoidal", dt=0.01), error=1e-4, work=1e6)
-MADE = Choice(chosen=CHOSEN, evidence=(CHOSEN,), reference_change=1e-6)
+SWING = read_model_text(PENDULUM, "pendulum.yaml")
+MADE = Choice(chosen=CHOSEN, evidence=(CHOSEN,), reference_change=1e-6, reduced=(SWING, SWING.scenes["swing"]))
 
 
 @pytest.fixture
@@ -125,7 +127,7 @@ def test_a_choice_that_came_to_harm_is_made_again(calibrations: list[str], tmp_p
     (file,) = (tmp_path / "cache" / "choices").iterdir()
     for harmed in damaged_records(file.read_bytes()):
         file.write_bytes(harmed)
-        assert choose_module._read(file) is None
+        assert choose_module._read(file, *MADE.reduced) is None
     assert [choose_again(), choose_again()] == [MADE, MADE]
     assert len(calibrations) == 2
 
@@ -188,7 +190,7 @@ def test_an_impossible_accuracy_says_what_came_nearest() -> None:
 
 def test_an_impossible_budget_says_what_is_possible() -> None:
     model = read_model_text(PENDULUM, "pendulum.yaml")
-    with pytest.raises(RunError, match=r"budget 1e\+12: the fastest that keeps the accuracy is .* times as fast as real time"):
+    with pytest.raises(RunError, match=r"budget 1e\+12: the run of the least work is .* times as fast as real time"):
         choose(model, replace(model.scenes["swing"], budget=1e12))
 
 
@@ -252,20 +254,27 @@ def test_an_integrator_of_the_scene_is_the_only_one_of_its_methods() -> None:
 @pytest.mark.parametrize(
     ("steps", "options"),
     [
-        (Steps(integrator="radau5", tolerance=1e-3), ["--loops", "embedded", "--solver-tolerance", "1e-3"]),
-        (Steps(integrator="trapezoidal", dt=2e-3), ["--loops", "embedded", "--dt", "2 ms"]),
+        (Steps(integrator="radau5", tolerance=1e-3), ["--loops", "embedded", "--integrator", "radau5", "--solver-tolerance", "0.001"]),
+        (Steps(integrator="trapezoidal", dt=0.01 / 7), ["--loops", "embedded", "--integrator", "trapezoidal", "--dt", repr(0.01 / 7)]),
     ],
 )
 def test_a_choice_runs_as_its_options_do(
     steps: Steps, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
     chosen = replace(CHOSEN, method="recursive-newton", loops="embedded", steps=steps)
-    monkeypatch.setattr("cutjoint.commands.picking.choose", lambda *_, **how: replace(MADE, chosen=chosen, evidence=(chosen,)))
-    outs = [tmp_path / "auto.csv", tmp_path / "own.csv"]
-    how = [["--method", "auto"], ["--method", "recursive-newton", "--integrator", steps.integrator, "--no-error", *options]]
-    for out, asked in zip(outs, how, strict=True):
-        result = CliRunner().invoke(main, ["simulate", str(MODELS / "press.yaml"), *asked, "--out", str(out)])
+
+    def choose_it(model: Model, scene: Scene, **how: object) -> Choice:
+        return Choice(chosen=chosen, evidence=(chosen,), reference_change=0.0, reduced=(model, scene))
+
+    monkeypatch.setattr("cutjoint.commands.picking.choose", choose_it)
+    outs, asked = [tmp_path / "auto.csv", tmp_path / "own.csv"], ["--method", "auto"]
+    for out in outs:
+        result = CliRunner().invoke(main, ["simulate", str(MODELS / "press.yaml"), *asked, "--no-error", "--out", str(out)])
         assert result.exit_code == 0, result.output
+        if asked == ["--method", "auto"]:
+            named = result.output.partition("without auto:")[2].split()
+            assert named[: 2 + len(options)] == ["--method", "recursive-newton", *options]
+            asked = named[: 2 + len(options)]
     assert outs[0].read_bytes() == outs[1].read_bytes()
 
 
@@ -274,7 +283,8 @@ def test_the_table_of_candidates_fits_80_columns() -> None:
     named = replace(CHOSEN, method="recursive-newton", loops="embedded", variant="idle equations")
     others = [
         replace(named, steps=Steps(integrator="generalised-alpha", dt=0.01 / 39), work=1.234e8, failure=DEARER),
-        replace(CHOSEN, error=2e-3, failure=INACCURATE), replace(CHOSEN, error=np.inf, failure="a reason " * 5),
+        replace(CHOSEN, error=2e-3, failure=INACCURATE), replace(CHOSEN, error=np.inf, failure="a reason\nand more"),
+        replace(CHOSEN, error=3e-6, failure="a fallback"),
     ]  # fmt: skip
     choice = replace(MADE, chosen=named, evidence=(named, *others))
     console = Console(width=80, file=StringIO(), color_system=None)
@@ -282,8 +292,11 @@ def test_the_table_of_candidates_fits_80_columns() -> None:
         console.print(part)
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    assert sum("recursive" in line for line in lines) == 4
+    assert sum("recursive" in line for line in lines) == 6
     assert [line.split()[-1] for line in lines if "idle" in line] == ["chosen", "123"]
+    assert {line.split()[-1] for line in lines if "3.0e-6" in line} == {"-"}
+    assert {"and more", "recursive, full, exact, trapezoidal: a fallback"} <= set(lines)
+    assert "without auto: no option has the reduced model" in lines
 
 
 @pytest.mark.parametrize(
@@ -291,14 +304,16 @@ def test_the_table_of_candidates_fits_80_columns() -> None:
     [
         (["--dt", "0.1"], "--dt cannot be combined with method auto"),
         (["--precision", "quad"], "--precision cannot be combined with method auto"),
+        (["--scene", "of_one", "--method", "auto"], "'of_one': method auto keeps errors of positions and angles alone; give --accuracy"),
     ],
 )
 def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: str) -> None:
     path = tmp_path / "pendulum.yaml"
-    path.write_text(PENDULUM)
-    result = CliRunner().invoke(main, ["simulate", str(path), *options, "--out", str(tmp_path / "out.csv")])
+    path.write_text(PENDULUM + "  of_one: {end: 4, accuracy: {bob.x: 1 mm}}\n")
+    scene = [] if "--scene" in options else ["--scene", "swing"]
+    result = CliRunner().invoke(main, ["simulate", str(path), *scene, *options, "--out", str(tmp_path / "out.csv")])
     assert result.exit_code == 1
-    assert message in result.output
+    assert message in " ".join(result.output.split())
 
 
 @pytest.mark.parametrize(

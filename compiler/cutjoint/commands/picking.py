@@ -55,12 +55,14 @@ def _accuracy(requested: Options) -> float | None:
 
 def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> tuple[Candidate, Model, Scene]:
     """The model, scene and method that method auto chooses; it prints its choice and the reason."""
+    if scene.targets and accuracy is None:
+        raise RunError(f"{scene.span}: scene '{scene.name}': method auto keeps errors of positions and angles alone; give --accuracy")
     wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
     with options.progress_bar(f"choosing method and steps for an accuracy of {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     for part in choice_tables(choice, wanted):
         options.out.print(part)
-    return choice.chosen, *chosen_model(model, wanted, choice)
+    return choice.chosen, *chosen_model(choice)
 
 
 def _require_free_choice(**requested: Any) -> None:

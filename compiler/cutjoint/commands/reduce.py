@@ -4,11 +4,10 @@ from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
-from cutjoint.reduce.sequence import reduction_sequence
+from cutjoint.reduce.sequence import reduction_sequence, started
 from cutjoint.report.tasks import reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case, method_of
 from cutjoint.topology.reading import read_model
 
@@ -24,7 +23,7 @@ def command(
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)
         driven, parameters = with_constant_inputs(checked, chosen, options.read_parameters(changes))
-        parameter_values(checked, parameters)
+        checked, driven = started(checked, driven, parameters)
         variants = reduction_sequence(checked, driven, method or method_of(driven), approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))

@@ -21,16 +21,18 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, I
 from cutjoint.model.records import Model, Numerics, Scene
 from cutjoint.package.errors import CutjointError, RunError, ToolchainError
 from cutjoint.reduce.measure import Reference, distance, find_reference, time_run
-from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence, started
 from cutjoint.reduce.trials import Steps, Trials
-from cutjoint.run.scenes import with_default_closure, with_loops
+from cutjoint.run.run_file import fitting_interval
+from cutjoint.run.scenes import with_default_closure, with_loops, with_settings
 from cutjoint.run.settings import accuracy_of, find_closure
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.compiler import processor
 
 SHARE = 0.8  #: the share of the accuracy that a choice may use; the rest is for the error of the reference
 #: Tolerances that are tried: the largest, the number for each power of ten, and powers of ten.
 LARGEST_TOLERANCE, PER_DECADE, DECADES = 1e-2, 8, 8
-#: Equal steps that are tried: the number for each halving, and halvings; the longest is the scene's sample interval.
+#: Equal steps that are tried: the number for each halving, and halvings; the longest is that of `run_file.fitting_interval`.
 PER_HALVING, HALVINGS = 4, 12
 ENOUGH = 1.05  #: the search of steps ends where coarser ones would save less
 #: The assumed order of errors in the tolerance and in equal steps, on the low side, and the share that is tried after a failed run.
@@ -57,61 +59,54 @@ class Candidate:
 @dataclass(frozen=True, kw_only=True)
 class Choice:
     """The choice of a model, a method and steps. ``reference_change`` is the change of the reference by its last refinement (m, rad),
-    ``reduced`` the model and the scene of the choice, if it was made just now."""
+    ``reduced`` the model and the scene of the choice."""
 
     chosen: Candidate
     evidence: tuple[Candidate, ...]
     reference_change: float
-    reduced: tuple[Model, Scene] | None = field(default=None, compare=False, repr=False)
+    reduced: tuple[Model, Scene] = field(compare=False, repr=False)
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
     """The choice for a scene, cached. Raises RunError: nothing keeps the accuracy or the budget; the message has the nearest candidate."""
-    try:
-        place = _cache_path(model, scene, parameters or {})
-    except PackageNotFoundError:
-        return _calibrate(model, scene, parameters or {})  # installed without versions
-    kept = _read(place)
-    return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
+    parameters, begun = parameters or {}, _begun(model, scene, parameters or {})
+    with suppress(PackageNotFoundError):  # installed without versions
+        place = _cache_path(model, scene, parameters)
+        return _read(place, *begun) or _keep(_calibrate(*begun, parameters), place)
+    return _calibrate(*begun, parameters)
 
 
-def chosen_model(model: Model, scene: Scene, choice: Choice) -> tuple[Model, Scene]:
+def chosen_model(choice: Choice) -> tuple[Model, Scene]:
     """The chosen reduced model, and its scene with the chosen steps."""
-    chosen, steps, found = choice.chosen, choice.chosen.steps, choice.reduced
-    if found is None:
-        found = (model, scene) if chosen.variant == FULL else _find(chosen.variant, _reduced_models(model, scene))
-    model, scene = found
-    numerics, own = scene.numerics, dict(scene.numerics.methods.get(chosen.method, {}))
-    own.pop("dt", None)
-    own |= {"dt": steps.dt} if steps.dt else {"tolerance": steps.tolerance, "absolute_tolerance": _absolute(scene, chosen)}
-    return model, replace(scene, numerics=replace(
-        numerics, dt=None, integrator=steps.integrator, events=steps.events or numerics.events, loops=chosen.loops,
-        methods={**numerics.methods, chosen.method: own},
-    ))  # fmt: skip
+    chosen, steps, (model, scene) = choice.chosen, choice.chosen.steps, choice.reduced
+    numerics, least = scene.numerics, scene.numerics.of_method(chosen.method).absolute_tolerance or steps.tolerance
+    own = {"dt": steps.dt} if steps.dt else {"tolerance": steps.tolerance, "absolute_tolerance": least}
+    numerics = replace(numerics, integrator=steps.integrator, events=steps.events or numerics.events, loops=chosen.loops)
+    return model, with_settings(replace(scene, numerics=numerics), chosen.method, own)
 
 
-def _absolute(scene: Scene, chosen: Candidate) -> float:
-    asked = scene.numerics.of_method(chosen.method).absolute_tolerance
-    return chosen.steps.tolerance if asked is None else asked
-
-
-def _find(name: str, variants: Sequence[ReducedModel]) -> tuple[Model, Scene]:
-    return next((reduced.model, reduced.scene) for reduced in variants if reduced.name == name)
+def _begun(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Model, Scene]:
+    """What trials and the chosen run begin with: the start of these parameters, exact loops, no length of steps."""
+    methods = {name: {key: value for key, value in own.items() if key != "dt"} for name, own in scene.numerics.methods.items()}
+    return started(model, replace(scene, numerics=replace(scene.numerics, dt=None, loops=Loops.EXACT, methods=methods)), parameters)
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """The file of a choice in the cache: by model, code of functions, scene, and what runs it."""
-    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance())
+    """The file of a choice in the cache: by model, code of functions, scene, what runs it, and for a budget the processor."""
+    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance(), scene.budget and processor())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
-def _read(place: Path) -> Choice | None:
-    """An earlier choice; None if there is none or its file is damaged."""
+def _read(place: Path, model: Model, scene: Scene) -> Choice | None:
+    """An earlier choice; None if there is none, its file is damaged, or its reduced model is no longer made."""
     data = read_record(place)
     if data is None:
         return None
     chosen, *evidence = (Candidate(**{**c, "steps": Steps(**c["steps"])}) for c in (data["chosen"], *data["evidence"]))
-    return Choice(chosen=chosen, evidence=tuple(evidence), reference_change=data["reference_change"])
+    made = {FULL: (model, scene)} if chosen.variant == FULL else {v.name: (v.model, v.scene) for v in _reduced_models(model, scene)}
+    if chosen.variant not in made:
+        return None
+    return Choice(chosen=chosen, evidence=tuple(evidence), reference_change=data["reference_change"], reduced=made[chosen.variant])
 
 
 def _keep(made: Choice, place: Path) -> Choice:
@@ -123,7 +118,6 @@ def _keep(made: Choice, place: Path) -> Choice:
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
-    scene = with_loops(scene, Loops.EXACT)
     search = Search(scene, parameters, find_reference(model, scene, parameters))
     variants = _reduced_models(model, scene)
     for variant in variants:
@@ -134,19 +128,14 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
         words = f"no candidate has the accuracy of {accuracy_of(scene):g}"
         raise RunError(f"{scene.span}: scene '{scene.name}': {words}: {_nearest(search.found)}")
     chosen = min(search.good, key=lambda c: c.work)
-    choice = Choice(
-        chosen=chosen, evidence=tuple(search.found), reference_change=search.truth.change, reduced=_find(chosen.variant, variants)
-    )  # fmt: skip
+    reduced = next((v.model, v.scene) for v in variants if v.name == chosen.variant)
+    choice = Choice(chosen=chosen, evidence=tuple(search.found), reference_change=search.truth.change, reduced=reduced)
     if scene.budget is not None:
-        _require_speed(*chosen_model(model, scene, choice), chosen.method, parameters, scene.budget)
+        cost = time_run(compile_scene(*chosen_model(choice), CompileOptions(method=chosen.method)), {}, parameters)
+        found = f"the run of the least work is {scene.end / cost.seconds:.3g} times as fast as real time; hint: write a larger accuracy"
+        if cost.failure or scene.end / cost.seconds < scene.budget:
+            raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {cost.failure or found}")
     return choice
-
-
-def _require_speed(model: Model, scene: Scene, method: str, parameters: Mapping[str, float], budget: float) -> None:
-    cost = time_run(compile_scene(model, scene, CompileOptions(method=method)), {}, parameters)
-    if scene.end / cost.seconds < budget:
-        found = f"the fastest that keeps the accuracy is {scene.end / cost.seconds:.3g} times as fast as real time"
-        raise RunError(f"{scene.span}: scene '{scene.name}': budget {budget:g}: {found}; hint: write a larger accuracy")
 
 
 def _reduced_models(model: Model, scene: Scene) -> list[ReducedModel]:
@@ -174,9 +163,9 @@ class Search:
     def __init__(self, scene: Scene, parameters: Mapping[str, float], truth: Reference) -> None:
         self.found: list[Candidate] = []
         self.truth = truth
-        self._parameters, self._goal, self._row = parameters, SHARE * accuracy_of(scene), scene.output_step
-        method = METHODS[truth.trials.artifact.method]
-        closure = find_closure(truth.trials.artifact.scene.numerics, method).name
+        artifact, method = truth.trials.artifact, METHODS[truth.trials.artifact.method]
+        self._parameters, self._goal, self._row = parameters, SHARE * accuracy_of(scene), fitting_interval(artifact.model, scene)
+        closure = find_closure(artifact.scene.numerics, method).name
         self._made: dict[tuple[str, str, str], dict[str, Trials]] = {(FULL, Loops.EXACT, method.name): {closure: truth.trials}}
 
     @property
@@ -206,11 +195,13 @@ class Search:
     def _is_near(self, variant: ReducedModel, method: str, integrator: str, events: str | None) -> bool:
         """Whether the motion of a reduced model is within the accuracy at all."""
         steps = Steps(integrator=integrator, tolerance=self._goal / 100, dt=0.0 if INTEGRATORS[integrator].adaptive else self._row / 64)
-        error = inf
-        with suppress(CutjointError):
-            error = distance(self._trials(variant, variant.scene, method, integrator).run(steps, self._parameters), self.truth.run)
+        try:
+            run = self._trials(variant, variant.scene, method, integrator).run(steps, self._parameters)
+            error, failure = distance(run, self.truth.run), str(run.failure or INACCURATE)
+        except CutjointError as fault:
+            error, failure = inf, str(fault)
         if not error <= self._goal:
-            self.found.append(Candidate(variant=variant.name, method=method, steps=steps, error=error, failure=INACCURATE))
+            self.found.append(Candidate(variant=variant.name, method=method, steps=steps, error=error, failure=failure))
         return error <= self._goal
 
     def try_steps(self, variant: ReducedModel, scene: Scene, method: str, integrator: str, events: str | None = None) -> Candidate:
@@ -283,7 +274,7 @@ def _integrators(method: Method, numerics: Numerics) -> list[str]:
 
 
 def steps_of(integrator: str, row: float, events: str | None = None) -> list[Steps]:
-    """The steps that are tried, coarsest first; equal ones divide the sample interval ``row`` (s)."""
+    """The steps that are tried, coarsest first; equal ones divide an interval ``row`` (s)."""
     if INTEGRATORS[integrator].adaptive:
         tolerances = (float(f"{LARGEST_TOLERANCE / 10 ** (k / PER_DECADE):.2g}") for k in range(PER_DECADE * DECADES + 1))
         return [Steps(integrator=integrator, tolerance=tolerance, events=events) for tolerance in tolerances]

@@ -13,15 +13,18 @@ import numpy as np
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
+from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import fitting_interval
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate
+from cutjoint.run.simulator import watched
 
 # Truth
 
@@ -33,8 +36,7 @@ REFERENCES = (
 )  # fmt: skip
 #: The largest number of refinements of equal steps, each by half, and of tolerances, each by the second number down to the last one.
 MOST_HALVINGS, STRICTER, STRICTEST = 9, 30.0, 1e-12
-#: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
-PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
+OTHERS = ("slip", "camber", "deflection")  #: quantities in units of places and angles that are ratios of speeds or follow from a road
 REPETITIONS = 5  #: timed runs, of which the fastest counts
 
 
@@ -50,11 +52,17 @@ class Reference:
 
 def find_reference(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Reference:
     """The full model of a scene by the first method and integrator that settle. Raises RunError: none does."""
+
+    def leave(counts: Mapping[str, Any]) -> None:
+        if counts["time"] < scene.end / 2 and counts.get("stiff_steps", 0) > counts["steps"] / 2:
+            raise RunError("stability limits its steps, which would take long")
+
     reasons: dict[str, str] = {}
     for method, integrator in REFERENCES:
         closed = with_closure(scene, INTEGRATORS[integrator].closure) if METHODS[method].closures else scene
         try:
-            return _converge(Trials(model, closed, method), integrator, closed, parameters)
+            with watched(leave):
+                return _converge(Trials(model, closed, method), integrator, closed, parameters)
         except CutjointError as error:
             reasons.setdefault(str(error), f"{method}, {integrator}")
     words = "; ".join(f"{tried}: {reason}" for reason, tried in reasons.items())
@@ -64,7 +72,7 @@ def find_reference(model: Model, scene: Scene, parameters: Mapping[str, float]) 
 def _converge(trials: Trials, integrator: str, scene: Scene, parameters: Mapping[str, float]) -> Reference:
     before: Trajectory | None = None
     moved, problem = inf, "it would take tolerances of rounding errors"
-    for steps in _refined(trials.artifact.method, integrator, scene):
+    for steps in _refined(trials, integrator, scene):
         run = trials.run(steps, parameters)
         if run.failure is not None:
             problem = str(run.failure)
@@ -78,11 +86,11 @@ def _converge(trials: Trials, integrator: str, scene: Scene, parameters: Mapping
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 
-def _refined(method: str, integrator: str, scene: Scene) -> list[Steps]:
+def _refined(trials: Trials, integrator: str, scene: Scene) -> list[Steps]:
     if INTEGRATORS[integrator].adaptive:
         tolerances = (min(1e-5, 0.1 * accuracy_of(scene)) / STRICTER**k for k in range(5))
         return [Steps(integrator=integrator, tolerance=tolerance) for tolerance in tolerances if tolerance >= STRICTEST]
-    row, first = scene.output_step, scene.numerics.of_method(method).step
+    row, first = fitting_interval(trials.artifact.model, scene), scene.numerics.of_method(trials.artifact.method).step
     return [Steps(integrator=integrator, dt=row / ceil(row / first * 2**k - 1e-9)) for k in range(MOST_HALVINGS + 1)]
 
 
@@ -99,14 +107,14 @@ class Cost:
 
 
 def distance(run: Trajectory, reference: Trajectory) -> float:
-    """The largest difference of a column in m or rad over the same rows; infinite where a run has not come to its end.
+    """The largest difference (m, rad) of a place or an angle over the same rows; infinite where a run has not come to its end.
     Raises RunError: no column is a place or an angle."""
     names = [name for name, unit in reference.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
         raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
     if run.failure is not None or len(run.t) != len(reference.t):
         return inf
-    return max(float(np.abs(run[name] - reference[name]).max()) for name in names)
+    return max(PLACES[reference.units[name]] * float(np.abs(run[name] - reference[name]).max()) for name in names)
 
 
 def measure_reduced(

@@ -4,7 +4,7 @@ A reduced model holds for its scene's inputs: their laws stand in it, and it has
 without mass, and tyres that roll straight on, whose lateral forces are left out while guards watch that they would have stayed small.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -159,14 +159,21 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
     """The full model first, then a reduced model for every pass that lowers the operations of a method. Raises ModelError, EquationsError:
     the full model is wrong; RunError: the method does not take the full model; MissingLibraryError: a library that orders the method's
     matrices is not installed; ToolchainError, SimulatorError: the C++ side failed where a pass runs the model."""
-    model, scene, _ = trimmed(model, scene, {})
-    scene = with_solved_coordinates(model, scene, parameter_values(model, {}))
+    model, scene = started(model, scene, {})
     whole = Outcome(model=model, scene=scene, left=tuple(_ruled_out(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
     variants = _reduce("full", "exact", whole, method)
     if approximate:
         _approximate(whole, variants, method)
         _try_pass(variants, ROLLING)
     return variants
+
+
+def started(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Model, Scene]:
+    """The model with the values of parameters, and its scene with the start that is solved with them."""
+    model, scene, _ = trimmed(model, scene, parameters)
+    values = parameter_values(model, parameters)
+    model = replace(model, parameters=tuple(replace(p, value=float(values.get(p.name, p.value))) for p in model.parameters))
+    return model, with_solved_coordinates(model, scene, values)
 
 
 def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedModel]:

@@ -16,7 +16,7 @@ from cutjoint.methods import join_and
 from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import VALUE, Model, Scene
 from cutjoint.package.errors import plural
-from cutjoint.reduce.choose import INACCURATE, LEFT, Candidate, Choice
+from cutjoint.reduce.choose import DEARER, FULL, LEFT, Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tables import facts, table
@@ -284,18 +284,21 @@ def choice_tables(choice: Choice, scene: Scene) -> Iterator[Table | str]:
     made = table(title, ("method", "model", "loops", "integrator", *figures), (_cells(c, choice.chosen) for c in ran), numbers=figures)
     made.pad_edge, made.collapse_padding = False, True
     yield made
-    for c in (c for c in choice.evidence if c not in ran):
-        yield f"{c.method}, {c.variant}, {c.loops}, {c.steps.integrator}: {c.failure.splitlines()[0]}"
+    for c in (c for c in choice.evidence if c.failure not in ("", *LEFT)):
+        yield f"{c.method}, {c.variant}, {c.loops}, {c.steps.integrator}: {c.failure}"
     yield (
         f"work: estimated instructions of a run, as multiples of {choice.chosen.work:.2g}; >: given up, since\n"
-        "coarser steps take more work already; -: no steps keep the accuracy; x: steps\n"
-        f"cross events; error of the reference: {_scientific(choice.reference_change)}"
+        "coarser steps take more work already; -: no steps keep the accuracy, or see above;\n"
+        f"x: steps cross events; error of the reference: {_scientific(choice.reference_change)}"
     )
+    settings = {"method": choice.chosen.method, "loops": choice.chosen.loops, **choice.chosen.steps.options}
+    words = " ".join(f"--{name} {value}".replace("--tol", "--solver-tol") for name, value in settings.items() if value is not None)
+    yield f"without auto: {words if choice.chosen.variant == FULL else 'no option has the reduced model'}"
 
 
 def _cells(candidate: Candidate, chosen: Candidate) -> tuple[str, ...]:
     steps, work = candidate.steps, "chosen" if candidate == chosen else f"{candidate.work / chosen.work:.3g}"
-    work = "-" if candidate.failure == INACCURATE else f"> {work}" if candidate.failure else work
+    work = f"> {work}" if candidate.failure == DEARER else "-" if candidate.failure else work
     integrator = steps.integrator + (" x" if steps.events else "")
     return candidate.method, candidate.variant.split()[0], candidate.loops, integrator, str(steps), _scientific(candidate.error), work
 

@@ -391,20 +391,26 @@ def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
 
 def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
     """Check that fixed steps of ``dt`` (s) divide all sample intervals and offsets; RunError if not."""
-    times = [time for controller in model.controllers for time in (controller.every, controller.offset) if time > 0]
     for controller in model.controllers:
         for name, time in (("every", controller.every), ("offset", controller.offset)):
             if abs(time / dt - round(time / dt)) > _WHOLE:
                 words = f"steps of {dt:.9g} s do not divide {name}, {time:.9g} s, of the controller '{controller.name}'"
-                raise RunError(f"{scene.span}: scene '{scene.name}': {words} (line {controller.span.line}); {_advice(times, dt)}")
+                raise RunError(f"{scene.span}: scene '{scene.name}': {words} (line {controller.span.line}); {_advice(model, dt)}")
 
 
-def _advice(times: Sequence[float], dt: float) -> str:
-    """Advice that names the nearest step that divides all times, if there is one."""
+def fitting_interval(model: Model, scene: Scene | None = None) -> float:
+    """The longest step (s) that divides the scene's sample interval, if given, and those of controllers; else the scene's, or 0."""
+    row = 0.0 if scene is None else min(scene.output_step, scene.end or scene.output_step)
+    times = [time for time in (row, *(time for c in model.controllers for time in (c.every, c.offset))) if time > 0]
     parts = [Fraction(time).limit_denominator(10**9) for time in times]
     unit = lcm(*(part.denominator for part in parts))
     whole = gcd(*(int(part * unit) for part in parts)) / unit
-    if whole < 1e-6 * min(times):
+    return whole if model.controllers and whole >= (1e-4 if row else 1e-6) * min(times) else row
+
+
+def _advice(model: Model, dt: float) -> str:
+    """Advice that names the nearest step that divides all times, if there is one."""
+    if not (whole := fitting_interval(model)):
         return "no steps divide all intervals: write others, or leave dt out for steps that end at samples by themselves"
     nearest = min((whole / n for n in {max(1, int(whole / dt)), int(whole / dt) + 1}), key=lambda step: abs(step - dt))
     return f"the nearest steps that do are dt: {nearest:.9g}"

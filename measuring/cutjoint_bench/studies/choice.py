@@ -36,6 +36,7 @@ from cutjoint.reduce.measure import Reference, distance, find_reference
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import make_simulator_run
+from cutjoint.run.run_file import fitting_interval
 from cutjoint.run.scenes import find_scene, with_default_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError
@@ -161,7 +162,7 @@ class Comparison:
 
     def _coarsest(self, empty: Candidate, trials: Trials, least: float) -> Candidate:
         nearest = replace(empty, failure="no steps keep the accuracy")
-        for steps in steps_of(empty.steps.integrator, self.scene.output_step, empty.steps.events):
+        for steps in steps_of(empty.steps.integrator, fitting_interval(self.model, self.scene), empty.steps.events):
             run = trials.run(steps, {})
             tried = replace(empty, steps=steps, error=distance(run, self.truth.run), work=trials.work(run, steps))
             if not run.fallback and tried.error <= SHARE * (self.scene.accuracy or inf):
@@ -177,7 +178,7 @@ class Comparison:
     def _measure(self, candidate: Candidate) -> int:
         reduced = next((v.model, v.scene) for v in self.variants if v.name == candidate.variant)
         choice = Choice(chosen=candidate, evidence=(), reference_change=0.0, reduced=reduced)
-        model, scene = chosen_model(self.model, self.scene, choice)
+        model, scene = chosen_model(choice)
         artifact = compile_scene(model, scene, CompileOptions(method=candidate.method, flags=FLAGS))
         whole, start = (count(make_simulator_run(artifact, Options(end=end)))[0] for end in (scene.end, scene.output_step))
         return whole - start
