@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.fits.fit import _open, identify
+from cutjoint.fits.fit import _open, _result, identify
+from cutjoint.fits.residuals import Prediction
 from tests.fits.slide import study_of
 
 
@@ -64,3 +67,13 @@ def test_parameters_with_similar_effects_are_not_called_undetermined() -> None:
     assert words.startswith("p and q have similar effects (collinearity 64.7)")
     words, *_ = _open(identify(np.column_stack([one, one + 1e-6 * other]), ["p", "q"], np.ones(2), 50))
     assert words.startswith("the data hardly determine: ")
+
+
+def test_white_noise_is_called_coloured_as_rarely_as_the_level_says() -> None:
+    rng, found = np.random.default_rng(0), []
+    for _ in range(3000):
+        signal: Any = SimpleNamespace(values=rng.normal(size=126), times=np.arange(126.0), text="x", missing=0, unit="")
+        of: Any = SimpleNamespace(is_pose=False, name="run", validation=False)
+        prediction = Prediction(experiment=of, signal=signal, values=np.zeros(126), derivatives=np.zeros((126, 1)))
+        found.append(_result(prediction, 1.0).p_value)
+    assert np.mean(np.array(found, dtype=float) < 0.01) == pytest.approx(0.01, abs=0.0055)  # three standard deviations
