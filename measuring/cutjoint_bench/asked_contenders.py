@@ -25,7 +25,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import ErrorEstimate, Trajectory
 from cutjoint.run.scenes import find_scene, with_default_closure, with_loops
 from cutjoint.run.simulation import simulate
-from cutjoint_bench.cutjoint_contenders import identity
+from cutjoint_bench.cutjoint_contenders import ADAPTIVE_IN_LOOPS, identity
 from cutjoint_bench.records import Case, Contender
 
 #: The integrators that are given an accuracy, by methods: the adaptive ones, and equal steps of methods that have no other.
@@ -109,7 +109,7 @@ def asked_contenders() -> Iterator[Contender]:
     """Each method with its adaptive integrators, or equal steps, and with embedded loops where it takes them; then the method auto."""
     for method, integrator in _INTEGRATORS:
         yield _contender(f"{method}/{integrator}/accuracy", f"{method}, {integrator}, by accuracy", method=method, integrator=integrator)
-    for method, integrator in (("recursive", "dormand-prince"), ("recursive-newton", "radau5")):
+    for method, integrator in ADAPTIVE_IN_LOOPS:
         yield _contender(
             f"{method}/{integrator}/functions/accuracy", f"{method}, {integrator}, embedded loops, by accuracy",
             method=method, integrator=integrator, loops=Loops.EMBEDDED,

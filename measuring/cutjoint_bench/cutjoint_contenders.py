@@ -47,6 +47,10 @@ _INTEGRATORS = tuple(
 )  # fmt: skip
 
 
+#: Adaptive integrators that are tried with embedded loops, by methods.
+ADAPTIVE_IN_LOOPS = (("recursive", "dormand-prince"), ("recursive", "dop853"), ("recursive-newton", "radau5"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class OwnRunner:
     """A compiled case; ``events`` are treated otherwise than the integrator would."""
@@ -131,8 +135,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 prepare=partial(_reduced, method=method, integrator=integrator),
                 identify=partial(_identify_reduced, method=method, integrator=integrator), adaptive=True,
             )  # fmt: skip
-    adaptive = (("recursive", "dormand-prince"), ("recursive-newton", "radau5"))
-    for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), *adaptive):
+    for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), *ADAPTIVE_IN_LOOPS):
         name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
         for ending, events in (("", None), *([(", steps pass over events", Events.CROSSED)] if integrator != DEFAULT_INTEGRATOR else [])):
             yield _contender(

@@ -154,7 +154,7 @@ def test_a_case_that_is_watched_has_the_scenes_places_and_angles() -> None:
 
 NAMED = (
     ("recursive", 2e-3), ("recursive/events", 2e-3), ("recursive/rk4", 2e-3), ("recursive/dormand-prince", 1e-3), ("augmented", 2e-3),
-    ("recursive-newton/radau5", 1e-3), ("recursive/dormand-prince/functions", 1e-3),
+    ("recursive-newton/radau5", 1e-3), ("recursive/dormand-prince/functions", 1e-3), ("recursive/dop853/functions", 1e-3),
 )  # fmt: skip
 
 
