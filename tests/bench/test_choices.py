@@ -286,9 +286,11 @@ def test_groups_of_accuracies_have_each_adaptive_integrator() -> None:
 def test_what_auto_chose_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The pendulum's end beside elliptic functions, by the steps that a choice names."""
     steps = Steps(integrator="dop853", tolerance=1e-10)
-    choice = Choice(chosen=Candidate(variant="full", method="recursive", steps=steps), evidence=(), reference_change=0.0)
+    case = make_case(MODELS / "pendulum.yaml", watched=True)
+    chosen = Candidate(variant="full", method="recursive", steps=steps)
+    choice = Choice(chosen=chosen, evidence=(), reference_change=0.0, reduced=(case.model, case.scene))
     monkeypatch.setattr(asked_contenders, "choose", lambda *_, **__: choice)
-    runner = AutoRunner(case=make_case(MODELS / "pendulum.yaml", watched=True), configuration={})
+    runner = AutoRunner(case=case, configuration={})
     run = runner(1e-3)
     assert runner.about[1e-3]["chosen"] == "recursive, dop853 at 1.0e-10, exact loops, the full model"
     assert np.max(np.abs(run["bob.x"] - pendulum_motion(run.t)["bob.x"])) < 1e-8
