@@ -254,8 +254,8 @@ def _point(
 
 
 def _predicted(last: Record, dt: float, *, asked: bool) -> float:
-    """The seconds of a run at a smaller step than the last; of one with a smaller accuracy, whose steps follow from it by a high order, at
-    least those of the last."""
+    """The seconds of a run at a smaller step than the last, or at least with a smaller accuracy than the last.
+    The steps of an accuracy follow from it by a high order."""
     return float((1.0 if asked else last["dt"] / dt) * max(last["seconds"], default=0.0))
 
 
