@@ -81,13 +81,13 @@ class Trials:
         """The estimated instructions of a run's steps and of rows between steps, which have accelerations of their own.
         Initial positions and velocities, and the text of rows, take the same by all methods."""
         (equations, program), method, closing = self._scheduled, METHODS[self.artifact.method], len(self.artifact.mechanism.equation_names)
-        rows = 0 if steps.dt else len(run.t)
+        coupled = STEPS[method.name][steps.integrator].by_residual
+        rows = len(run.t) if coupled or not steps.dt else 0
         if not isinstance(equations, SystemEquations):
             evaluation, projection = weighted(RECURSIVE, self._iteration, 1, closing), PROJECTION * program.instructions("project")
             return (run.evaluations + rows) * evaluation + (rows or run.steps) * projection
-        coupled = equations.plan if STEPS[method.name][steps.integrator].by_residual else None
         counts = program.instructions("dynamic_residual"), 1, equations.mechanism.unknowns + closing
-        evaluation = weighted(NEWTON, *counts, 0 if coupled is None else coupled.multiply_adds)
+        evaluation = weighted(NEWTON, *counts, equations.plan.multiply_adds if coupled and equations.plan else 0)
         evaluations, tangents = ROWS[closing > 0]
         solved = run.statistics.factorisations + tangents * rows
         return (run.evaluations + evaluations * rows) * evaluation + solved * TANGENT * self._iteration
