@@ -11,10 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import LocalCluster
+from pyarrow import parquet
 
 import cutjoint
 from cutjoint.fits.fit import Solver, _try_one
 from cutjoint.fits.reading import read_fit
+from cutjoint.package.errors import RunError
+from cutjoint.run.outputs import OutputError
 from cutjoint.run.stopping import StopRequest
 from tests.fits.slide import study_of
 
@@ -35,8 +38,33 @@ def test_starts_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     assert found["damping"] == pytest.approx(2.0, rel=1e-6)
     whole = cutjoint.fit(study)
     assert (found.starts, found.values.tolist()) == (whole.starts, whole.values.tolist())
+    names = parquet.read_table(tmp_path / "fit.starts.parquet").column_names
+    assert {"stiffness at the start", "stiffness fitted", "cost of fit"} < set(names)
     (tmp_path / "d.csv").write_text((tmp_path / "d.csv").read_text().replace("\n0.01", "\n0.0101"))
     assert cutjoint.fit(study, out=tmp_path / "fit.json", note=said.append).values.tolist() != whole.values.tolist()  # new data
+
+
+def test_parts_of_another_study_are_said_before_the_fit(tmp_path: Path) -> None:
+    study, said = study_of(tmp_path, bootstrap={"count": 4}), list[str]()
+
+    def stop(text: str) -> None:
+        if text == "bootstrap: 2 of 4 fits":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cutjoint.fit(study, out=tmp_path / "fit.json", note=stop)
+    study["parameters"]["damping"]["to"] = 40
+    with pytest.raises(OutputError, match=r"fit\.bootstrap\.parquet\.parts has rows of another study: study differ; remove it"):
+        cutjoint.fit(study, out=tmp_path / "fit.json", note=said.append)
+    assert not any("run 1" in text for text in said)
+
+
+def test_fits_that_all_fail_are_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Solver, "_try", lambda *_: np.full((2, 5), np.nan))
+    with pytest.raises(RunError, match="starts: the fits from all of them fail"):
+        cutjoint.fit(study_of(tmp_path, starts={"count": 2}))
+    with pytest.raises(RunError, match="bootstrap: fewer than two of its fits succeed"):
+        cutjoint.fit(study_of(tmp_path, bootstrap={"count": 2}))
 
 
 def test_a_start_that_fails_is_named_and_the_others_count(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.fits.fit import _open, _result, identify
+from cutjoint.fits.fit import Solver, _open, _result, identify
+from cutjoint.fits.reading import read_fit
 from cutjoint.fits.residuals import Prediction
 from tests.fits.slide import study_of
 
@@ -50,6 +52,47 @@ def test_a_residual_above_the_deviation_that_is_given_is_a_verdict(tmp_path: Pat
     assert "rail.displacement of run has 9.59 times the deviation that the study gives" in found.faults[found.verdict]
     study["experiments"]["run"]["signals"] = {"rail.displacement": {"deviation": "1e-3 m"}}
     assert cutjoint.fit(study).verdict == "identified"
+
+
+@pytest.mark.parametrize(
+    ("samples", "ratio", "deviation", "is_loud"), [(1, 2.3, 1.0, False), (50, 2.3, 1.0, True), (50, 5.0, 1e-9, False), (1, 9.0, 1.0, True)]
+)
+def test_a_residual_is_above_its_deviation_by_more_than_chance(samples: int, ratio: float, deviation: float, is_loud: bool) -> None:
+    """Of one sample in fifty the noise is above 2.3 deviations; 1e-9 of a signal's changes is rounding."""
+    values = np.full(samples, ratio * deviation)
+    signal: Any = SimpleNamespace(values=values, times=np.arange(float(samples)), text="x", missing=0, unit="")
+    of: Any = SimpleNamespace(is_pose=True, name="run", validation=False)
+    result = _result(Prediction(experiment=of, signal=signal, values=0 * values, derivatives=values[:, None]), deviation)
+    result = replace(result, explained=1 - (ratio * deviation) ** 2)  # of a signal that changes by 1
+    solver: Any = SimpleNamespace(names=[], sizes=[], study=SimpleNamespace(loss="linear"))
+    faults = Solver._find_faults(solver, SimpleNamespace(status=1), identify(np.ones((2, 1)), ["p"], np.ones(1), 2), np.zeros(0), [result])
+    assert bool(faults) is is_loud
+
+
+def test_windows_find_the_other_parameters_where_one_is_at_its_bound(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    study["parameters"] = {"stiffness": {"start": 150.0}, "damping": {"start": 0.5, "to": 0.5}}
+    solver = Solver(read_fit(study), lambda text: None)
+    solver.runs.share = 0.25
+    stiffness, damping = solver.least_squares(solver.start, 6).x
+    assert stiffness == pytest.approx(200.0, rel=0.05)
+    assert damping == pytest.approx(0.5, rel=1e-6)
+
+
+def test_windows_that_lead_away_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of them ends with a damping below zero, by which the motion grows."""
+    study, begun = study_of(tmp_path), list[Any]()
+    study["parameters"] = {"stiffness": {"start": 900.0}, "damping": {"start": 3.0}}
+    solver = Solver(read_fit(study), lambda text: None)
+
+    def least_squares(begin: Any, most: int) -> Any:
+        begun.append((solver.runs.share, list(begin)))
+        return SimpleNamespace(x=np.array([900.0, -5.0]), njev=1)
+
+    monkeypatch.setattr(solver, "least_squares", least_squares)
+    solver.through_windows(solver.start)
+    assert begun[0][0] < begun[-1][0] == 1.0
+    assert begun[-1][1] == [900.0, 3.0]
 
 
 def test_a_mechanism_that_is_not_at_rest_is_named(tmp_path: Path) -> None:

@@ -48,8 +48,8 @@ def test_classical_says_that_equations_depend_on_each_other(system: dict[str, An
     failed = simulate(tmp_path, system, CLASSICAL, solver=solver).summary
     assert failed["message"] == "classical: the tangent is singular"
     assert failed["advice"] == (
-        "equations depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily dependent "
-        "equations"
+        "equations may depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily "
+        "dependent equations"
     )
     assert (failed["step"], failed["steps"]) == (0, 0)
 

@@ -200,7 +200,7 @@ def test_a_call_that_was_stopped_goes_on(number: int, tmp_path: Path) -> None:
 def test_rows_of_another_study_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "out.parquet"
     _killed(study(tmp_path, end=4.0, design={"sobol": 1024}), out, signal.SIGKILL)
-    with pytest.raises(OutputError, match=r"out\.parquet\.parts has rows of another sweep: study, design differ; remove it, or write else"):
+    with pytest.raises(OutputError, match=r"out\.parquet\.parts has rows of another study: study, design differ; remove it, or write else"):
         cutjoint.sweep(study(tmp_path, end=4.0, design={"sobol": 1024, "seed": 9}), out)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,16 @@ import numpy as np
 from cutjoint.fits.reading import read_fit
 from cutjoint.fits.records import Array, Signal, Study
 from cutjoint.fits.residuals import Prediction, Runs, Sims
-from cutjoint.package.errors import CutjointError
-from cutjoint.package.locations import AnyPath, __version__
+from cutjoint.package.errors import CutjointError, RunError
+from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.run.outputs import is_stream
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps import records as sweeps
+from cutjoint.sweeps.kernel import find_target
+from cutjoint.sweeps.parts import require_parts_of
 from cutjoint.sweeps.run import make_table
 from cutjoint.sweeps.work import Work
+from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.temporary import temporary_folder
 
 #: Singular values below these shares of the largest: nothing changes to the accuracy of derivatives; hardly anything does.
@@ -171,7 +176,7 @@ def fit(
         ToolchainError: the C++ side failed.
     """
     with temporary_folder() as folder:
-        return Solver(read_fit(study), note or (lambda text: None)).solve(Path(out or folder / "fit"), scheduler)
+        return Solver(read_fit(study), note or (lambda text: None)).solve(path_of(out) or folder / "fit", scheduler)
 
 
 class Solver:
@@ -197,7 +202,12 @@ class Solver:
         """The result; tables of starts and of the bootstrap, which a scheduler's workers fill, go beside a path."""
         from scipy.stats import qmc, t
 
-        samples = sum(len(s.values) for s in self.signals)
+        if is_stream(out):
+            with temporary_folder() as folder:
+                return self.solve(folder / "fit", scheduler)
+        samples, tables = sum(len(s.values) for s in self.signals), {"starts": self.study.starts > 1, "bootstrap": self.study.resamples > 0}
+        for kind in (kind for kind, is_wanted in tables.items() if is_wanted):
+            require_parts_of(_table_of(out, kind), {"study": self.study.digest})
         try:
             self.residuals(self.start)
         except CutjointError as error:
@@ -210,6 +220,8 @@ class Solver:
         if self.study.starts > 1:
             points = qmc.Sobol(len(self.names), seed=self.study.seed).random_base2(self.study.starts.bit_length())[: self.study.starts - 1]
             tried = self._try("starts", np.vstack([self.start, self.low + points * (self.high - self.low)]), out, scheduler)
+            if np.isnan(tried[:, 0]).all():
+                raise RunError("starts: the fits from all of them fail, the first as noted above")
             costs, (_, iterations, _, *x) = tried[:, 0], tried[np.nanargmin(tried[:, 0])]
             best = self.least_squares(np.array(x))
         else:
@@ -227,7 +239,10 @@ class Solver:
         deviations, correlations = self._covariance(jacobian)
         if self.study.resamples:
             draws = np.column_stack([np.arange(self.study.resamples), np.tile(best.x, (self.study.resamples, 1))])
-            deviations = np.nanstd(self._try("bootstrap", draws, out, scheduler)[:, 3:], axis=0, ddof=1)
+            found = self._try("bootstrap", draws, out, scheduler)[:, 3:]
+            if np.count_nonzero(~np.isnan(found[:, 0])) < 2:
+                raise RunError("bootstrap: fewer than two of its fits succeed, which leaves no deviations")
+            deviations = np.nanstd(found, axis=0, ddof=1)
         reach = t.ppf(0.975, max(samples - len(self.names), 1)) * deviations
         numbers, symbols = dict(zip(self.names, map(float, best.x), strict=True)), [p.symbol for p in self.study.parameters]
         tied = {s: float(v.xreplace(dict(zip(symbols, numbers.values(), strict=True)))) for s, v in self.study.ties.items()}
@@ -266,6 +281,8 @@ class Solver:
                         break
                 self.runs.share /= 2
             share = self.runs.share
+            if share == 1.0 and begin is not first and self._cost(first) < self._cost(begin):
+                begin = first  # windows that showed nothing led away
             self.note(f"fitting to {100 * share:.3g} % of the time")
             try:
                 found = self.least_squares(begin, _MOST if share == 1.0 else _FEW)
@@ -277,6 +294,11 @@ class Solver:
             begin, iterations = found.x, iterations + found.njev
         found.njev = iterations
         return found
+
+    def _cost(self, theta: Array) -> float:
+        with suppress(CutjointError):
+            return float(np.sum(self.residuals(theta)[0] ** 2))
+        return np.inf
 
     def least_squares(self, begin: Array, most: int = _MOST) -> Any:
         """SciPy's result from a start, whose unknowns are shares of sizes, after so many runs at ``most``."""
@@ -306,7 +328,7 @@ class Solver:
                     x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=most,
                 )  # fmt: skip
                 steps, begin = steps + found.njev - 1, np.clip(found.x * sizes, self.low, self.high)  # less the first run
-                if most == _FEW or not left:
+                if not left:
                     break
         except BaseException as stop:  # by the user too
             values = ", ".join(f"{name}: {{start: {x:.12g}}}" for name, x in zip(self.names, best[1], strict=True))
@@ -338,14 +360,17 @@ class Solver:
         """Cost, iterations, runs and parameters of many fits (rows), in a table that stays; NaN where one failed."""
         study, e, drawn = self.study, self.study.experiments[0], ["draw"] * (kind == "bootstrap")
         results = ["cost of fit", "iterations of fit", "runs of fit", *(f"{name} fitted" for name in self.names)]
-        columns = [sweeps.Variable(name=n, kind=sweeps.Kind.INPUT, unit="", span=e.span) for n in (*drawn, *self.names)]
+        named = (*drawn, *(f"{name} at the start" for name in self.names))
+        columns = [sweeps.Variable(name=n, kind=sweeps.Kind.INPUT, unit="", span=e.span) for n in named]
         objectives = tuple(sweeps.Objective(name=n, reduction="value", series=0) for n in results)
         rows = sweeps.Study(file=study.file, model=e.model, variables=tuple(columns), values=values, objectives=objectives, span=e.span)
-        manifest = {"cutjoint": __version__, "study": study.digest, kind: len(values), "deviations": self.deviations.tolist()}
+        target, by = find_target(FLAGS), {name: version(name) for name in ("cutjoint", "numpy", "scipy")}
+        manifest = {"study": study.digest, kind: len(values), "deviations": self.deviations.tolist(), "versions": by,
+                    "compiler": target.compiler, "flags": list(target.flags), "processor": [target.machine, *target.features]}  # fmt: skip
         with stop_requests() as request:
             tries = partial(_try_one, study, self.runs.sims, self.deviations, request)
             work = Work(kernels=(), has_scenes=False, objectives=objectives, trajectories=(), every=1, tasks=tries)
-            path, said = out.with_suffix(f".{kind}.parquet"), lambda done, of: self.note(f"{kind}: {done} of {of} fits")
+            path, said = _table_of(out, kind), lambda done, of: self.note(f"{kind}: {done} of {of} fits")
             table = make_table(rows, work, manifest, path, scheduler, None, said, self.note)
         found = np.column_stack([table[name] for name in results])
         self.runs.count += int(np.nansum(found[:, 2]))
@@ -359,6 +384,8 @@ class Solver:
         return tuple(_result(p, float(s)) for p, s in (*fitted, *held_out))
 
     def _find_faults(self, found: Any, after: Identifiability, reach: Array, results: Sequence[SignalResult]) -> dict[str, str]:
+        from scipy.stats import chi2
+
         faults = {}
         if found.status <= 0:
             faults["not converged"] = f"after {found.nfev} runs: {found.message}"
@@ -369,11 +396,16 @@ class Solver:
         level = 0.01 / len(fitted)  # 1 %, for all signals together, is the probability that white noise counts as not white
         coloured = [f"{r.signal} of {r.experiment}" for r in fitted if r.p_value is not None and r.p_value < level]
         if self.study.loss == "linear":
-            loud = ((r, r.rms / r.deviation) for r in fitted if r.rms > _LOUD * r.deviation)
+            loud = ((r, r.rms / r.deviation) for r in fitted if r.rms > _LOUD * r.deviation and 1 - r.explained > _ROUNDING**2)
+            loud = ((r, ratio) for r, ratio in loud if chi2.sf(r.samples * ratio**2, r.samples) < level)
             coloured += [f"{r.signal} of {r.experiment} has {ratio:.3g} times the deviation that the study gives" for r, ratio in loud]
         if coloured:
             faults["residual not white"] = ", ".join(coloured)
         return faults
+
+
+def _table_of(out: Path, kind: str) -> Path:
+    return out.with_name(f"{out.name.removesuffix('.json')}.{kind}.parquet")
 
 
 def _try_one(study: Study, sims: Sims, deviations: Array, request: StopRequest, scene: int, values: Array) -> Mapping[int, float]:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
@@ -115,11 +115,13 @@ class _Reading:
         if starts is not None and not all(isfinite(p.low + p.high) for p in fitted):
             self._fail(("starts",), "several starts lie between bounds", "give each parameter 'from' and 'to'")
             raise self.problems.error()
-        read = [self.text, *(m.content for m in self.models.values())]
-        digest = sha256(b"".join([*map(str.encode, read), *((self.folder / file).read_bytes() for file, _ in self.data)])).hexdigest()
+        digest = sha256("".join([self.text, *(m.content for m in self.models.values())]).encode())
+        for file, _ in self.data if starts or resamples else ():
+            with (self.folder / file).open("rb") as stream:
+                digest.update(file_digest(stream, "sha256").digest())
         return Study(
-            file=self.source.file, digest=digest, method=document.method, integrator=document.integrator, parameters=tuple(fitted),
-            ties=ties, experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
+            file=self.source.file, digest=digest.hexdigest(), method=document.method, integrator=document.integrator, ties=ties,
+            parameters=tuple(fitted), experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
             seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
             windows=1 if all(e.is_pose for e in experiments) else document.windows, design=self.design,
         )  # fmt: skip

@@ -198,7 +198,14 @@ def require_same(found: Mapping[str, Any], asked: Mapping[str, Any], place: Path
     """Check that rows that are there are of the same study. Raises OutputError: they are not; it says what differs."""
     differing = [key for key in asked if found.get(key) != asked[key]]
     if differing:
-        raise OutputError(f"{place} has rows of another sweep: {', '.join(differing)} differ; remove it, or write elsewhere")
+        raise OutputError(f"{place} has rows of another study: {', '.join(differing)} differ; remove it, or write elsewhere")
+
+
+def require_parts_of(out: Path, asked: Mapping[str, Any]) -> None:
+    """Check that parts of a table, if there are any, are of the same study. Raises OutputError: they are not; RunError: no PyArrow."""
+    arrow()
+    folder = resolved(out).with_name(f"{resolved(out).name}.parts")
+    require_same(_read_manifest(folder / _MANIFEST) or asked, asked, folder)
 
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:

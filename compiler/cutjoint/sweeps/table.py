@@ -34,7 +34,7 @@ _DIGEST, _TAIL, _BLOCK = 32, 8, 1 << 20
 
 def arrow() -> Any:
     """PyArrow. Raises RunError: it is not installed."""
-    words = "tables of sweeps need PyArrow: pip install 'cutjoint[sweep]'"
+    words = "tables of sweeps and of several fits need PyArrow: pip install 'cutjoint[sweep]'"
     return find_package("pyarrow", "pyarrow.parquet", otherwise=RunError(words))
 
 

@@ -36,7 +36,7 @@ Failure explain_singular(const SystemDescription& d, const auto* tangent, Failur
     failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
     failure.advice = "this coordinate can move without moving mass or meeting an equation: give it mass or hold it";
   } else {
-    failure.advice = "equations depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily dependent equations";
+    failure.advice = "equations may depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily dependent equations";
   }
   return failure;
 }
