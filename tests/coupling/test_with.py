@@ -137,7 +137,7 @@ def made(text: str, file: Path, version: int = 2) -> Path:
     model = read_model_text(text, f"{file.stem}.yaml")
     fmu = make_fmu(model, find_scene(model, None), version=version, integrator="rk4")
     file.parent.mkdir(exist_ok=True)
-    file.write_bytes(fmu.pack(sources=False, binary=True, picture=b"", target="baseline"))
+    file.write_bytes(fmu.pack(sources=False, binary=True, target="baseline"))
     return file
 
 

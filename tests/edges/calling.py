@@ -43,7 +43,7 @@ model: {MODEL}
 integrator: rk4
 dt: 1 ms
 parameters: {{stiffness: {{from: 100, to: 1e4}}}}
-experiments: {{run: {{data: {DATA}, from: 0, signals: {{slider.x: {{deviation: 1e-6}}}}}}}}
+experiments: {{run: {{data: {DATA}, from: 0, signals: {{slider.x: {{deviation: 1e-2}}}}}}}}
 """
 
 

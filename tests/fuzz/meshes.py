@@ -85,7 +85,7 @@ def _check_page(file: Path, case: dict[str, object]) -> tuple[str, ...]:
     """A damaged page shows what it has or says that it cannot; as an earlier page it is refused, or lies under another one."""
     page = _changed(case)
     file.write_bytes(page.encode("utf-8", "surrogateescape"))
-    said = _open(file, blank="</style>" not in page or not page.startswith(_page()[: _page().index("<body>")]))
+    said = _open(file, blank=not page.startswith(_page()[: _page().index("</style>") + len("</style>")]))
     try:
         earlier = read_page(file, "--ghost")
     except RunError as error:

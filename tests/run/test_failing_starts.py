@@ -42,7 +42,7 @@ def pendulum() -> Artifact:
 
 
 def test_a_run_without_a_start_has_no_rows_of_an_earlier_run(tmp_path: Path) -> None:
-    places = {name: tmp_path / "new" / name / "rows" for name in ("out", "steps", "tangents")}
+    places = {name: tmp_path / "new" / name / "rows" for name in ("out", "steps")}
     how = {"integrator": "trapezoidal", "events": "crossed"}
     assert simulate(pendulum(), **places, **how).t.size == 3  # type: ignore[arg-type]
     before = {place: place.read_bytes() for place in places.values()}

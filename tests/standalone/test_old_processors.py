@@ -45,7 +45,7 @@ def _description() -> str:
     from io import BytesIO
     from zipfile import ZipFile
 
-    packed = fmu_of("pendulum", 2).pack(sources=True, binary=False, picture=b"")
+    packed = fmu_of("pendulum", 2).pack(sources=True, binary=False)
     return ZipFile(BytesIO(packed)).read("modelDescription.xml").decode()
 
 
