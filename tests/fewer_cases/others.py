@@ -12,7 +12,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_chart_is_the_same_every_time_and_has_every_outcome",
     ),
     "tests/bench/test_explorer.py": ("test_points_without_an_error_are_left_out",),
-    "tests/bench/test_fixed_point.py": ("test_runs_pass_as_far_as_it_is_predicted",),
+    "tests/bench/test_fixed_point.py": ("*",),  # a driver of its own
     "tests/bench/test_killed.py": ("test_processes_end_with_a_killed_bench",),
     "tests/bench/test_prebuild.py": ("test_what_fails_is_left_to_the_bench",),
     "tests/bench/test_reductions.py": ("test_models_that_a_scene_does_not_have", "test_lines_are_named_by_reduced_model"),
