@@ -31,18 +31,11 @@ from cutjoint.run.simulator import _SLOW
 from cutjoint.toolchain.cache import cache_folder
 from tests.analysis.test_aims import CRANK
 from tests.conftest import MODELS, needs_cpp
+from tests.reduce.test_choose import PENDULUM as SWING
 
 pytestmark = needs_cpp
 
-PENDULUM = """\
-cutjoint: 1
-name: pendulum
-gravity: [0, 0, -9.81]
-bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
-joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
-outputs: [bob.x, bob.z]
-scenes: {swing: {end: 1, output_step: 0.02, method: auto, accuracy: 1 mm}}
-"""
+PENDULUM = SWING.replace("end: 4", "end: 1")
 SAMPLED = PENDULUM.replace("outputs:", "controllers: {watch: {every: 15 ms, signals: {seen: pin.angle}}}\noutputs:")
 
 
