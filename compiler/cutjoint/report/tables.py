@@ -324,7 +324,9 @@ def error_facts(error: ErrorEstimate) -> Table:
     rows = [("converged", promised if error.converged else doubt)]
     if error.converged and error.rough:
         names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
-        why = "errors above a tenth of their largest values, or not converging with finer steps; use a smaller accuracy"
+        why = "errors above a tenth of their largest values, or not converging with finer steps; " + (
+            "name them in the accuracy too" if error.targets else "use a smaller accuracy"
+        )
         rows = [("converged", f"{promised}; but not {names}: {why}")]
     rows += [(error.units[name] or "1", f"{error[name]:.1e} ({name}, asked {most:g})") for name, most in error.targets.items()]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items() if name not in error.targets]
