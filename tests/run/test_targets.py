@@ -10,7 +10,8 @@ from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
-from cutjoint.run.results import Trajectory
+from cutjoint.report.tables import error_facts
+from cutjoint.run.results import ErrorEstimate, Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 
@@ -107,6 +108,13 @@ def test_callers_name_outputs_too(tmp_path: Path) -> None:
         refused = CliRunner().invoke(main, ["simulate", str(model), *one, *asked])
         assert refused.exit_code == 1
         assert words in " ".join(refused.output.split())
+
+
+@pytest.mark.parametrize(("targets", "remedy"), [({"a": 2.0}, "name them in the accuracy too"), ({}, "use a smaller accuracy")])
+def test_rough_outputs_have_the_remedy_that_helps(targets: dict[str, float], remedy: str) -> None:
+    errors = {"a": 1.0, "b": 1.0}
+    found = ErrorEstimate(max_error=errors, units=dict.fromkeys(errors, "N"), converged=True, rough=("b",), targets=targets)
+    assert any(str(cell).endswith(f"not converging with finer steps; {remedy}") for cell in error_facts(found).columns[1].cells)
 
 
 def test_targets_of_outputs_that_a_run_lacks_do_not_count() -> None:
