@@ -60,6 +60,22 @@ def test_a_test_counts_that_passes_without_the_fault(checkout: Checkout) -> None
     assert "test_size[a - [b]]" in table_of([row])
 
 
+def test_a_fault_is_seen_whose_file_keeps_size_and_second(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python takes compiled modules for those of a source with the same size and the same second."""
+    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+    fault, file = Fault("size", "compiler/own.py", "SIZE = 1", "SIZE = 2", "", ("test_own.py",)), checkout.folder / "compiler" / "own.py"
+
+    def size() -> str:
+        os.utime(file, (1e9, 1e9))
+        command = [checkout.python, "-c", "import own; print(own.SIZE)"]
+        return subprocess.run(command, env=checkout.environment, check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
+
+    found = [size()]
+    with checkout.planted(fault):
+        found.append(size())
+    assert [*found, size()] == ["1", "2", "1"]
+
+
 def test_what_no_test_sees_is_missed(checkout: Checkout) -> None:
     row = examine(checkout, Fault("other", "compiler/own.py", "OTHER = 1", "OTHER = 2", "", ("test_own.py",)), every=False)
     assert not row["seen_by"]

@@ -82,11 +82,11 @@ class Checkout:
         text = file.read_text(encoding="utf-8")
         if text.count(fault.old) != 1:
             raise RuntimeError(f"{fault.name}: its text stands {text.count(fault.old)} times in {fault.file}")
-        file.write_text(text.replace(fault.old, fault.new), encoding="utf-8")
+        _write_source(file, text.replace(fault.old, fault.new))
         try:
             yield
         finally:
-            file.write_text(text, encoding="utf-8")
+            _write_source(file, text)
 
     def run_tests(self, tests: Sequence[str], selected: str, left: float, more: Sequence[str]) -> Outcome:
         """Run tests until their CPU time (s) is up. Raises RuntimeError: pytest does not know them."""
@@ -136,6 +136,13 @@ def _wait(process: subprocess.Popen[bytes], left: float) -> tuple[float, bool]:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
         time.sleep(0.2)
+
+
+def _write_source(file: Path, text: str) -> None:
+    """A file whose bytecode is gone: Python tells sources apart by size and by seconds alone, and a fault often changes neither."""
+    file.write_text(text, encoding="utf-8")
+    for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
+        compiled.unlink()
 
 
 def cpu_seconds(root: int) -> float:
