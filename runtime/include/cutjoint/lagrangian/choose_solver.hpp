@@ -3,10 +3,8 @@
 
 #include <stdexcept>
 
-#include <Eigen/SparseLU>
-
 #include "cutjoint/core/newton/guarded_solver.hpp"
-#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/lagrangian/eigen_sparse.hpp"
 
 namespace cutjoint {
 
@@ -26,33 +24,20 @@ class SparsePivoting {
   explicit SparsePivoting(const S& system) : pattern_(system.description().pattern) {}
 
   void prepare() {
-    const std::vector<Real> values(pattern_.row.size(), Real(1));
-    matrix_ = Eigen::Map<const Matrix>(pattern_.size, pattern_.size, static_cast<Eigen::Index>(values.size()), pattern_.first.data(), pattern_.row.data(), values.data());
-    solver_.analyzePattern(matrix_);
-    solution_.resize(pattern_.size);
+    sparse_.lay_out(pattern_);
+    sparse_.solver.analyzePattern(sparse_.matrix());
   }
 
   Breakdown factor(const Real* values) {
-    std::copy_n(values, matrix_.nonZeros(), matrix_.valuePtr());
-    solver_.factorize(matrix_);
-    return solver_.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
+    sparse_.solver.factorize(sparse_.with(values));
+    return sparse_.solver.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
   }
 
-  Breakdown solve(Real* x) {
-    Eigen::Map<Vector> unknown(x, solution_.size());
-    solution_ = solver_.solve(unknown);
-    unknown = solution_;
-    return {};
-  }
+  Breakdown solve(Real* x) { return sparse_.solve(x); }
 
  private:
-  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-  using Matrix = Eigen::SparseMatrix<Real>;
-
   const Pattern& pattern_;
-  Matrix matrix_;
-  Eigen::SparseLU<Matrix> solver_;
-  Vector solution_;
+  EigenSparse<Real, SparseLu> sparse_;
 };
 
 /// The emitted factorisation; checked if the matrix is not symmetric, since any pivot order is safe only for a positive definite one.

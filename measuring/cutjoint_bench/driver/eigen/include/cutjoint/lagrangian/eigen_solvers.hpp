@@ -2,99 +2,71 @@
 #pragma once
 
 #include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
-#include <Eigen/SparseLU>
 
-#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/lagrangian/eigen_sparse.hpp"
 
 namespace cutjoint {
-
-/// A sparse matrix of Eigen's with the places of a pattern; its values are still open.
-template <class Real>
-Eigen::SparseMatrix<Real> make_matrix(const Pattern& pattern) {
-  std::vector<Real> values(pattern.row.size(), Real(1));
-  return Eigen::Map<const Eigen::SparseMatrix<Real>>(pattern.size, pattern.size, static_cast<Eigen::Index>(pattern.row.size()),
-                                                     pattern.first.data(), pattern.row.data(), values.data());
-}
 
 /// SimplicialLDLT with its default ordering, AMD.
 template <class Real>
 class EigenLdlt final : public LinearSolver<Real> {
  public:
   void analyse(const Pattern& pattern) override {
-    matrix_ = make_matrix<Real>(pattern);
-    solver_.analyzePattern(matrix_);
-    solution_.resize(pattern.size);
+    sparse_.lay_out(pattern);
+    sparse_.solver.analyzePattern(sparse_.matrix());
   }
 
   Breakdown factor(const Real* values) override {
-    std::copy_n(values, matrix_.nonZeros(), matrix_.valuePtr());
-    solver_.factorize(matrix_);
+    sparse_.solver.factorize(sparse_.with(values));
     return first_not_positive();
   }
 
-  Breakdown solve(Real* x) override {
-    Eigen::Map<Vector> unknown(x, solution_.size());
-    solution_ = solver_.solve(unknown);
-    unknown = solution_;
-    return {};
-  }
+  Breakdown solve(Real* x) override { return sparse_.solve(x); }
 
  private:
-  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+  template <class Matrix>
+  using SparseLdlt = Eigen::SimplicialLDLT<Matrix, Eigen::Lower>;
 
   /// The factorisation ends at a pivot of zero and leaves the rest as it was; a negative one is no error to it.
   Breakdown first_not_positive() {
-    const auto& pivots = solver_.vectorD();
+    const auto& pivots = sparse_.solver.vectorD();
     for (Eigen::Index i = 0; i < pivots.size(); ++i)
       if (!(pivots[i] > Real(0))) return {Breakdown::Kind::not_positive, row_of(i)};
-    return solver_.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::not_positive, -1};
+    return sparse_.solver.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::not_positive, -1};
   }
 
   int row_of(Eigen::Index pivot) const {
-    const auto& ordering = solver_.permutationPinv().indices();
+    const auto& ordering = sparse_.solver.permutationPinv().indices();
     return ordering.size() > 0 ? ordering[pivot] : static_cast<int>(pivot);
   }
 
-  Eigen::SparseMatrix<Real> matrix_;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<Real>, Eigen::Lower> solver_;
-  Vector solution_;
+  EigenSparse<Real, SparseLdlt> sparse_;
 };
 
-/// SparseLU, which pivots in each factorisation, with its default ordering, COLAMD; a symmetric matrix is completed first.
+/// SparseLU, which pivots in each factorisation; a symmetric matrix is completed first.
 template <class Real>
 class EigenLu final : public LinearSolver<Real> {
  public:
   void analyse(const Pattern& pattern) override {
-    matrix_ = make_matrix<Real>(pattern);
+    sparse_.lay_out(pattern);
     symmetric_ = pattern.symmetric;
-    solver_.analyzePattern(symmetric_ ? mirrored() : matrix_);
-    solution_.resize(pattern.size);
+    sparse_.solver.analyzePattern(completed(sparse_.matrix()));
   }
 
   Breakdown factor(const Real* values) override {
-    std::copy_n(values, matrix_.nonZeros(), matrix_.valuePtr());
-    solver_.factorize(symmetric_ ? mirrored() : matrix_);
-    return solver_.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
+    sparse_.solver.factorize(completed(sparse_.with(values)));
+    return sparse_.solver.info() == Eigen::Success ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
   }
 
-  Breakdown solve(Real* x) override {
-    Eigen::Map<Vector> unknown(x, solution_.size());
-    solution_ = solver_.solve(unknown);
-    unknown = solution_;
-    return {};
-  }
+  Breakdown solve(Real* x) override { return sparse_.solve(x); }
 
  private:
-  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
   using Matrix = Eigen::SparseMatrix<Real>;
 
-  Matrix mirrored() const { return matrix_.template selfadjointView<Eigen::Lower>(); }
+  Matrix completed(const Matrix& lower) const { return symmetric_ ? Matrix(lower.template selfadjointView<Eigen::Lower>()) : lower; }
 
-  Matrix matrix_;
   bool symmetric_ = false;
-  Eigen::SparseLU<Matrix> solver_;
-  Vector solution_;
+  EigenSparse<Real, SparseLu> sparse_;
 };
 
 }  // namespace cutjoint
