@@ -72,7 +72,7 @@ class Ground:
         if self._road.disc or piece.kind == "line":
             return 0.0
         if piece.kind == "cosine":
-            return piece.b * piece.c**2 * np.cos(piece.c * (x - piece.begin))
+            return piece.b * piece.c**2 * np.cos(piece.c * (x - piece.start))
         return -(piece.b**2) / np.sqrt(max(piece.b**2 - (x - piece.c) ** 2, 1e-12)) ** 3
 
 
