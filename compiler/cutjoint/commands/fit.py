@@ -17,7 +17,7 @@ def command(
 ) -> None:  # fmt: skip
     """Fit numbers of models to measurements as STUDY asks, and report what the data do not determine.
 
-    A repeated call continues starts and a bootstrap that were interrupted.
+    A repeated call continues starts, a bootstrap and profiles that were interrupted.
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
     """
     from cutjoint.fits.fit import Solver
@@ -35,8 +35,8 @@ def command(
     out = Path(f"{fit_study.stem}.json") if out is None else out
     study = read_fit(fit_study)
     if scheduler is not None:
-        if study.starts == 1 and not study.resamples:
-            raise RunError("--scheduler is for starts and a bootstrap: the study has neither")
+        if not study.tries:
+            raise RunError("--scheduler is for starts, a bootstrap and profiles: the study has none of them")
         require_scheduler(scheduler)
     models = {e.model.span.file: e.model for e in study.experiments}
     ends = ["", *(f"-{i}" for i in range(2, len(models) + 1))]

@@ -121,6 +121,7 @@ class Document(Part):
     loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
     starts: Starts | None = None
     bootstrap: Starts | None = None
+    profiles: StrictBool = False
     windows: Annotated[StrictInt, Field(ge=1, le=20)] = 5
 
 

@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
+from math import copysign, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,10 @@ _STEP, _CHANGE = 1e-8, 1e-8
 _MOST, _FEW, _FOLLOWS = 100, 6, 0.5
 #: Residuals below this share of a signal's size are rounding, and judged no further; above this multiple of a deviation they are too large.
 _ROUNDING, _LOUD = 1e-7, 2.0
+#: Columns of the tables of fits before the parameters at the start.
+_TRIES = {"starts": (), "bootstrap": ("draw",), "profiles": ("parameter", "distance", "cost", "quantile")}
+#: Ends of profiles: the most fits, the share of the distance that they are right to, and that by which the parameter may move.
+_SECANTS, _ENDED, _PINNED = 12, 1e-3, 1e-6
 #: Exit statuses of verdicts.
 STATUSES = {"": 0, "not converged": 3, "not identified": 4, "residual not white": 5}
 
@@ -167,7 +172,7 @@ def fit(
     """Fit parameters of models to measurements, by a study (file or mapping); an interrupted call with ``out`` continues.
 
     Args:
-        out: ``starts`` and ``bootstrap`` leave tables beside it, with its name and .starts.parquet or .bootstrap.parquet.
+        out: ``starts``, ``bootstrap`` and ``profiles`` leave tables beside it, with its name and for example .starts.parquet.
         scheduler: address of a Dask scheduler for these, such as "tcp://10.0.0.1:8786".
         note: is called with messages of progress.
 
@@ -188,7 +193,8 @@ class Solver:
         self.sizes, self.start, self.low, self.high, self.mean, self.prior = (
             np.array([getattr(p, key) for p in study.parameters]) for key in ("size", "start", "low", "high", "mean", "deviation")
         )  # fmt: skip
-        self.known = np.isfinite(self.prior)
+        at = np.flatnonzero(np.isfinite(self.prior))
+        self.known = at, self.mean[at], self.prior[at]
         for words in (f"{e.name}: {words}" for e in study.experiments for words in e.notes):
             note(words)
         self.runs = Runs(study, note, sims)
@@ -205,8 +211,8 @@ class Solver:
         if is_stream(out):
             with temporary_folder() as folder:
                 return self.solve(folder / "fit", scheduler)
-        samples, tables = sum(len(s.values) for s in self.signals), {"starts": self.study.starts > 1, "bootstrap": self.study.resamples > 0}
-        for kind in (kind for kind, is_wanted in tables.items() if is_wanted):
+        samples = sum(len(s.values) for s in self.signals)
+        for kind in self.study.tries:
             require_parts_of(_table_of(out, kind), {"study": self.study.digest})
         try:
             self.residuals(self.start)
@@ -214,7 +220,7 @@ class Solver:
             self.note(f"the runs with the start values fail: {error}")
             self.runs.share = 0.5 ** (self.study.windows - 1)
         jacobian, self.runs.share = self.residuals(self.start)[1], 1.0
-        before = identify(jacobian, self.names, self.sizes, len(jacobian) - int(self.known.sum()))
+        before = identify(jacobian, self.names, self.sizes, len(jacobian) - len(self.known[0]))
         for words in _open(before):
             self.note(f"at the start values {words}")
         if self.study.starts > 1:
@@ -243,21 +249,27 @@ class Solver:
             if np.count_nonzero(~np.isnan(found[:, 0])) < 2:
                 raise RunError("bootstrap: fewer than two of its fits succeed, which leaves no deviations")
             deviations = np.nanstd(found, axis=0, ddof=1)
-        reach = t.ppf(0.975, max(samples - len(self.names), 1)) * deviations
+        quantile = float(t.ppf(0.975, max(samples - len(self.names), 1)))
+        intervals = best.x + np.outer([-1, 1], quantile * deviations)
+        if self.study.profiles and np.isfinite(deviations).any():
+            guesses = [(i, side) for i in range(len(self.names)) for side in (0, 1) if isfinite(deviations[i])]
+            ends = np.array([[i, intervals[side, i] - best.x[i], best.cost, quantile, *best.x] for i, side in guesses])
+            for (i, side), end in zip(guesses, self._try("profiles", ends, out, scheduler)[:, 3:], strict=True):
+                intervals[side, i] = end[i] if isfinite(end[i]) else (-np.inf, np.inf)[side]
         numbers, symbols = dict(zip(self.names, map(float, best.x), strict=True)), [p.symbol for p in self.study.parameters]
         tied = {s: float(v.xreplace(dict(zip(symbols, numbers.values(), strict=True)))) for s, v in self.study.ties.items()}
         results = self._results(best.x)
         return Fit(
             names=tuple(self.names), units=tuple(p.unit for p in self.study.parameters), start=self.start, values=best.x,
-            deviations=deviations, intervals=np.column_stack([best.x - reach, best.x + reach]), correlations=correlations,
+            deviations=deviations, intervals=intervals.T, correlations=correlations,
             numbers=numbers | tied, cost=float(best.cost), iterations=int(iterations), runs=self.runs.count,
             starts=tuple(map(float, costs)), before=before, after=after, signals=results,
-            faults=self._find_faults(best, after, reach, results), study=self.study,
+            faults=self._find_faults(best, after, np.abs(intervals - best.x).max(axis=0), results), study=self.study,
         )  # fmt: skip
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
         """Residuals in units of standard deviations, those of priors last, and their derivatives."""
-        key = b"".join(part.tobytes() for part in (theta, np.array(self.runs.share), self.deviations, *self.noise))
+        key = b"".join(part.tobytes() for part in (theta, np.array(self.runs.share), self.deviations, *self.known, *self.noise))
         if key != self.kept[0]:
             found = self.runs.predict(theta)
             kept = [noise[: len(p.values)] for p, noise in zip(found, self.noise, strict=True)]
@@ -265,9 +277,30 @@ class Solver:
             shares = [r * s / _spread(x) for r, s, x in zip(rows, self.deviations, self.signals, strict=True)]
             self.missed = float(np.sqrt(np.mean(np.concatenate(shares) ** 2)))
             derivatives = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
-            priors, own = (theta - self.mean)[self.known] / self.prior[self.known], np.diag(1 / self.prior)[self.known]
+            at, mean, prior = self.known
+            priors, own = (theta[at] - mean) / prior, np.eye(len(theta))[at] / prior[:, None]
             self.kept = key, (np.concatenate([*rows, priors]), np.vstack([*derivatives, own]))
         return self.kept[1]
+
+    def find_end(self, place: int, distance: float, cost: float, quantile: float, best: Array) -> Any:
+        """The fit at an end of an interval by profile likelihood, with ``distance`` as a first guess.
+        There the least cost over the other parameters is half the square of the quantile above that of the best, or there is a bound.
+        Raises RunError: none is near."""
+        known, begin, inside, outside = self.known, best, 0.0, np.inf
+        for _ in range(_SECANTS):
+            end = float(np.clip(best[place] + distance, self.low[place], self.high[place]))
+            deviation = _PINNED * (abs(end - best[place]) or abs(distance))
+            self.known = np.append(known[0], place), np.append(known[1], end), np.append(known[2], deviation)
+            found = self.least_squares(np.where(np.arange(len(best)) == place, end, begin))
+            share = sqrt(max(2 * (found.cost - cost), 0.0)) / quantile
+            if abs(share - 1) < _ENDED or (share < 1 and end != best[place] + distance):
+                return found
+            inside, outside = (abs(distance), outside) if share < 1 else (inside, abs(distance))
+            longer = abs(distance) / max(share, 0.25)
+            longer = longer if inside < longer < outside else (inside + outside) / 2
+            begin = np.clip(best + (found.x - best) * longer / abs(distance), self.low, self.high)
+            distance = copysign(longer, distance)
+        raise RunError(f"the data hardly tell {self.names[place]} = {end:.6g} from the best value")
 
     def through_windows(self, begin: Array) -> Any:
         """The result over the whole time from those over shorter windows, which reach as far as the model follows with the last parameters.
@@ -358,7 +391,7 @@ class Solver:
 
     def _try(self, kind: str, values: Array, out: Path, scheduler: str | None) -> Array:
         """Cost, iterations, runs and parameters of many fits (rows), in a table that stays; NaN where one failed."""
-        study, e, drawn = self.study, self.study.experiments[0], ["draw"] * (kind == "bootstrap")
+        study, e, drawn = self.study, self.study.experiments[0], _TRIES[kind]
         results = ["cost of fit", "iterations of fit", "runs of fit", *(f"{name} fitted" for name in self.names)]
         named = (*drawn, *(f"{name} at the start" for name in self.names))
         columns = [sweeps.Variable(name=n, kind=sweeps.Kind.INPUT, unit="", span=e.span) for n in named]
@@ -389,7 +422,7 @@ class Solver:
         faults = {}
         if found.status <= 0:
             faults["not converged"] = f"after {found.nfev} runs: {found.message}"
-        wide = [f"{n} (95 % interval: ±{x:.3g})" for n, x, size in zip(self.names, reach, self.sizes, strict=True) if size < x < np.inf]
+        wide = [f"{n} (95 % interval: ±{x:.3g})" for n, x, size in zip(self.names, reach, self.sizes, strict=True) if size < x]
         if after.open or wide:
             faults["not identified"] = "; ".join([*(f"no effect if together: {describe(x)}" for x in after.open), *wide])
         fitted = [r for r in results if not r.validation]
@@ -409,15 +442,18 @@ def _table_of(out: Path, kind: str) -> Path:
 
 
 def _try_one(study: Study, sims: Sims, deviations: Array, request: StopRequest, scene: int, values: Array) -> Mapping[int, float]:
-    """Cost, iterations, runs and parameters of a fit from a start, or to the noise of a draw, whose number comes first, from a start."""
+    """Cost, iterations, runs and parameters of a fit from a start, which stands behind the columns of ``_TRIES``."""
 
     def check(text: str) -> None:
         if request.number is not None:
             raise request.error("interrupted")
 
     (solver := Solver(study, check, sims)).deviations = deviations
-    if len(values) == len(solver.names):
+    if (more := len(values) - len(solver.names)) == 0:
         found = solver.through_windows(values)
+    elif more == len(_TRIES["profiles"]):
+        place, distance, cost, quantile = map(float, values[:more])
+        found = solver.find_end(int(place), distance, cost, quantile, values[more:])
     else:
         rng = np.random.default_rng([study.seed, int(values[0])])
         errors = [p.signal.values - p.values for p in solver.runs.predict(values[1:])]

@@ -116,14 +116,14 @@ class _Reading:
             self._fail(("starts",), "several starts lie between bounds", "give each parameter 'from' and 'to'")
             raise self.problems.error()
         digest = sha256("".join([self.text, *(m.content for m in self.models.values())]).encode())
-        for file, _ in self.data if starts or resamples else ():
+        for file, _ in self.data if starts or resamples or document.profiles else ():
             with (self.folder / file).open("rb") as stream:
                 digest.update(file_digest(stream, "sha256").digest())
         return Study(
             file=self.source.file, digest=digest.hexdigest(), method=document.method, integrator=document.integrator, ties=ties,
             parameters=tuple(fitted), experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
             seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
-            windows=1 if all(e.is_pose for e in experiments) else document.windows, design=self.design,
+            profiles=document.profiles, windows=1 if all(e.is_pose for e in experiments) else document.windows, design=self.design,
         )  # fmt: skip
 
     def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:

@@ -97,5 +97,11 @@ class Study:
     starts: int
     seed: int
     resamples: int
+    profiles: bool
     windows: int
     design: Design | None = None
+
+    @property
+    def tries(self) -> tuple[str, ...]:
+        """The kinds of fits that are many: they go into tables beside the result."""
+        return ("starts",) * (self.starts > 1) + ("bootstrap",) * (self.resamples > 0) + ("profiles",) * self.profiles
