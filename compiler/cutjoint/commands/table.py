@@ -234,7 +234,8 @@ OPTIONS: Mapping[str, Row] = {
     "end": click.option("--end", type=Setting("end", positive=True), help="End time, for example 10s. Default: the scene's."),
     "at": click.option("--at", type=Setting("at"), help="Linearise about the motion at this time. Default: about the static equilibrium."),
     "iterations": click.option("--iterations", type=Setting("iterations"),
-        help="Fixed number of iterations in each trapezoidal step of the method recursive, converged or not. Default: to convergence."),
+        help="Fixed number, converged or not: of iterations in each trapezoidal step of recursive, of multiplier updates in each "
+        "evaluation of rk4. Default: to convergence."),
     "tunable": click.option("--tunable", "tunable", metavar="PATTERN", multiple=True,
         help="Turn constants of MODEL whose names match into parameters, for example '*.stiffness'; * stands for any text. "
         "--set and tables of cutjoint batch change them without recompiling."),
@@ -301,7 +302,8 @@ OPTIONS: Mapping[str, Row] = {
         help="Same bits on all processors and in WebAssembly: own mathematical library, no fused multiply-add; build with CMake."),
     "language": click.option("--language", type=click.Choice(["c++", "c99"]), default="c++", show_default=True,
         help="c99: a header and a C file for controllers, with a fixed number of iterations in each step and a constant initial state."),
-    "compile.iterations": click.option("--iterations", type=Setting("c99_iterations"), help="Iterations of each step in C99. Default: 6."),
+    "compile.iterations": click.option("--iterations", type=Setting("c99_iterations"), 
+        help="C99: iterations of each step, by default 6; with rk4 multiplier updates in each evaluation, by default 2."),
     "compile.precision": click.option("--precision", type=click.Choice(["double", "single"]), default=DEFAULT_PRECISION, show_default=True,
         help="Number type of C99. single: float; README.md has its error against double over the scene."),
     "cases": click.argument("cases", type=_READ),

@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.c99 import ITERATIONS, Start, emit_c99
+from cutjoint.emit.c99 import ITERATIONS, UPDATES, Start, emit_c99
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.inputs import guided_by, input_parameters
 from cutjoint.methods import INTEGRATORS, METHODS, Events, join_or, names_of
@@ -77,26 +77,26 @@ def make_c99(
             f"{loop.span}: language c99: the embedded loop of '{loop.independent}' depends on parameters; make them constants, or set "
             "loops: exact"
         )
-    if not (iterated := standalone.steps.is_iterated):
+    if explicit := standalone.steps.stages > 0:
         _require_explicit(standalone, scene, iterations)
-    iterations = ITERATIONS if iterations is None else iterations
+    if iterations is None:
+        iterations = (UPDATES if standalone.parts.mechanism.equation_names else 0) if explicit else ITERATIONS
     emit = partial(
         emit_c99, standalone.parts, standalone.defaults, standalone.digest, find_start(standalone), mathematics(), iterations=iterations,
         precision=precision,
     )  # fmt: skip
     files = emit()
     if precision != "double":
-        files = emit(errors=_measure_floats(standalone, files, iterations * iterated))
+        files = emit(errors=_measure_floats(standalone, files, iterations))
     return C99Export(name=standalone.name, files=files, operations=standalone.parts.program.operations(METHODS[method].iteration))
 
 
 def _require_explicit(standalone: Standalone, scene: Scene, iterations: int | None) -> None:
-    """Check that explicit steps have no loops to close, no events to find and no iterations."""
+    """Check that explicit steps have no events to find, and iterations only for loops."""
     chosen, equations = standalone.integrator, standalone.parts.mechanism
     faults = {
-        "loop equations; set loops: embedded, or use --integrator trapezoidal": equations.equation_names,
         "events; set events: crossed": standalone.defaults.events is not False and equations.indicators,
-        "iterations; omit --iterations": iterations is not None,
+        "iterations without loops; omit --iterations": iterations is not None and not equations.equation_names,
     }  # fmt: skip
     if found := [what for what, there in faults.items() if there]:
         raise RunError("\n".join(f"{scene.span}: language c99: integrator '{chosen}' has no {what}" for what in found))

@@ -21,15 +21,16 @@ from cutjoint.package.locations import licence
 #: The functions of a mechanism that steps of fixed cost call, with loops and where these are projected.
 _CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("constraint_residual",), ("project",)
 
-#: The statuses of steps that iterate, and of others; the first one's step failed.
-_CAUSES = {True: ("diverged", "loops_violated", "limit_exceeded"), False: ("accelerations_not_finite",)}
+#: The statuses of steps that iterate, and of others; the first one's step failed. The others are of steps whose iterations are counted.
+_CAUSES, _COUNTED = {True: "diverged", False: "accelerations_not_finite"}, ("loops_violated", "limit_exceeded")
 
 #: In code of C: comments, functions of the mathematical library that have a version for floats, and numbers that are not whole.
 _IN_CODE = re.compile(
     rf"/\*.*?\*/|\b(?:{'|'.join((*STANDARD, 'fabs'))})(?=\()|(?<![\w.])\d+(?:\.\d*(?:e[+-]?\d+)?|e[+-]?\d+)(?!\w)", re.DOTALL
 )  # fmt: skip
 
-ITERATIONS = 6  #: the iterations of a step unless others are given
+#: The iterations of a step unless others are given, and the multiplier updates in each evaluation of an explicit one.
+ITERATIONS, UPDATES = 6, 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +50,7 @@ class Start:
 
 
 def emit_c99(
-    parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int = ITERATIONS,
+    parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int,
     precision: str = "double", errors: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, str]:  # fmt: skip
     """The files by name; arguments as of `emit_standalone`, for a program without lanes. ``errors`` are those of floats, for the README:
@@ -57,10 +58,10 @@ def emit_c99(
     parts, view = prepare(parts, defaults, digest)
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(parts.program, equations, dialect=C99)
-    has_loops, projected = bool(equations.equation_names), CLOSURES[defaults.closure].penalty_of_each_cut
+    iterated = not STEPS[parts.method][defaults.integrator].stages
+    has_loops, projected = bool(equations.equation_names), not iterated or CLOSURES[defaults.closure].penalty_of_each_cut
     wanted = (*_CALLED, *(_WITH_LOOPS * has_loops), *(_PROJECTED * (has_loops and projected)))
     called = [f.name for f in equations.functions if f.name in wanted]
-    iterated = STEPS[parts.method][defaults.integrator].is_iterated
     views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in called}}
     functions = [_function(describe_function(name, parts.program), page.stem, found) for name, found in views.items()]
     bodies = [line for f in views.values() for line in _lines(f)]
@@ -70,10 +71,10 @@ def emit_c99(
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
         "projected": projected, "charts": equations.charts, "libm": libm, "balls": any(chart.ball for chart in equations.charts),
-        "statuses": [STATUSES[cause] for cause in (*_CAUSES[iterated], "infinite_acceleration")],
-        "iterated": iterated, "real": "float" if precision == "single" else "double", "errors": errors, "single": precision == "single",
-        "chooses": any("choose(" in line for line in bodies),
-        "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and bool(equations.inputs)),
+        "statuses": [STATUSES[cause] for cause in (_CAUSES[iterated], *_COUNTED * (iterated or has_loops), "infinite_acceleration")],
+        "iterated": iterated, "counted": iterated or has_loops, "real": "float" if precision == "single" else "double",
+        "errors": errors, "single": precision == "single", "chooses": any("choose(" in line for line in bodies),
+        "stabilised": any("stabilisation." in line for line in bodies) or (iterated and has_loops and bool(equations.inputs)),
         "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip

@@ -31,7 +31,8 @@ class Motion(Handle):
         Args:
             coordinates, speeds: other initial values (SI units) of joints of the spanning tree, for this start alone.
             dt: step size (s); of adaptive integrators the interval of `step`.
-            iterations: fixed number in each step of the trapezoidal rule of recursive; 0: to convergence, at most those of the scene.
+            iterations: fixed number in each trapezoidal step of recursive; with rk4 of multiplier updates in each evaluation;
+                0: to convergence, at most those of the scene.
             tolerance: relative and absolute error of a step of adaptive integrators; the absolute one times nominal values.
             equilibrium: whether to start at a static equilibrium; False takes the pose as given.
 

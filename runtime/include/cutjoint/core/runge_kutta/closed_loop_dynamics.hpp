@@ -26,9 +26,16 @@ class Solved : public Relative<M, Solved<M>> {
 
   Projection<M>& projection() { return projection_; }
 
+  /// Take so many passes in each evaluation, and one iteration of each projection; 0: as many as needed.
+  void fix_passes(int number) { fixed_ = number; }
+
+  /// The largest change of the accelerations by the last of so many passes, relative to 1 + the largest of them; infinite for one pass.
+  Real change() const { return change_; }
+
   /// Find accelerations and multipliers of the state.
   void find_multipliers() {
-    if (multipliers_ == Multipliers::corrected) this->correct_multipliers();
+    if (fixed_ > 0 && !correction_.empty()) take_passes();
+    else if (multipliers_ == Multipliers::corrected) this->correct_multipliers();
     else if (experience_.weak) settle();
     else solve_multipliers();
   }
@@ -38,6 +45,8 @@ class Solved : public Relative<M, Solved<M>> {
 
   Projection<M> projection_;
   const Multipliers multipliers_;
+  int fixed_ = 0;
+  Real change_{0};
 
  private:
   static constexpr int trusted = 32, soon = 4, most = 4;
@@ -73,6 +82,13 @@ class Solved : public Relative<M, Solved<M>> {
       last = change;
     }
     ++experience_.age;
+  }
+
+  void take_passes() {
+    forget();
+    for (int pass = 0; pass < fixed_; ++pass) this->add_pass();
+    const Real change = fixed_ > 1 ? this->largest_change() / acceleration_size(state_.vdot, scaled_nominals_of(mechanism_)) : std::numeric_limits<Real>::infinity();
+    if (!(change <= change_)) change_ = change;
   }
 
   void keep() {
@@ -164,6 +180,7 @@ class ClosedLoopDynamics : public Solved<M> {
   /// Begin an attempt of a step from t with the multipliers of the last step, not those of a rejected attempt.
   void begin_attempt(Real t) {
     cells_.begin(t);
+    this->change_ = Real(0);
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
@@ -197,6 +214,12 @@ class ClosedLoopDynamics : public Solved<M> {
   Fault project(Real t, Vector& y) {
     Solved<M>::project(t, y);
     if (state_.lambda.empty()) return {};
+    if (this->fixed_ > 0) {
+      this->begin_at(t, y);
+      projection_.approach(state_);
+      this->put(state_, y);
+      return {};
+    }
     this->take(t, y);
     projection_.close_fully(this->experience_.weak);
     speeds_ = state_.v;

@@ -26,7 +26,15 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
       : stepping::SteppedIntegrator<ExplicitSteps, M>(mechanism, settings),
         dynamics_(mechanism, {indicators_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance)),
                   multipliers(settings.stabilisation.closure)),
-        stepper_(dynamics_, stepping::Tolerances<Real>::of_steps(mechanism, settings.tolerance, settings.absolute_tolerance), Real(settings.end)) {}
+        stepper_(dynamics_, stepping::Tolerances<Real>::of_steps(mechanism, settings.tolerance, settings.absolute_tolerance), Real(settings.end)) {
+    take(settings);
+  }
+
+  /// Whether steps may leave loops open without a fault.
+  static bool leaves_violations(const SimulationSettings& settings) { return settings.fixed_point.fixed_cost; }
+
+  /// Evaluations have a fixed number of passes, or as many as they need.
+  void take(const SimulationSettings& settings) { dynamics_.fix_passes(settings.fixed_point.fixed_cost ? settings.fixed_point.iterations : 0); }
 
   /// Loops are projected, not drawn together; a penalty that the run is given comes before those of the start.
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>& penalties) {
@@ -68,6 +76,7 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
 
   long evaluations() const { return dynamics_.evaluations(); }
   long iterations() const { return stepper_.steps(); }
+  double change() const { return static_cast<double>(dynamics_.change()); }
 
   using Memory = typename stepping::Stepper<Scheme>::Memory;
 

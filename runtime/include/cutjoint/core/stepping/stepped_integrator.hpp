@@ -52,6 +52,7 @@ class SteppedIntegrator {
   const Own& own() const { return static_cast<const Own&>(*this); }
 
   void get_ready(const SimulationSettings& settings, Real until) {
+    if constexpr (requires { own().take(settings); }) own().take(settings);
     if (!settings.foresees) own().stepper_.limit(until);
     if constexpr (can_jump<S>) own().stepper_.strike_by({&SteppedIntegrator::strike<typename Own::Scheme>, this});
     if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
