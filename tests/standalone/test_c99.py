@@ -400,16 +400,16 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
 
 
 @needs_cpp
-def test_explicit_steps_tell_what_their_passes_leave(tmp_path: Path) -> None:
+def test_explicit_steps_tell_what_their_updates_leave(tmp_path: Path) -> None:
     code, cpp = codes("press" + RK4, tmp_path)
-    for passes, least, most in ((1, float("inf"), float("inf")), (2, 0.0, 1e-9)):
+    for updates, least, most in ((1, float("inf"), float("inf")), (2, 0.0, 1e-9)):
         for one in (code, cpp):
-            assert one.call("set_iterations", passes) == one.call("start") == 0
+            assert one.call("set_iterations", updates) == one.call("start") == 0
             assert [one.call("step") for _ in range(20)] == [0] * 20
         left = code.statistics(*OWN)
         same = cpp.statistics(("violation", "violation_rate", "change", "pivot"), ("iterations", "evaluations"), ctypes.c_long)
         assert (left.violation, left.change, left.equation) == (same.violation, same.change, same.equation)
-        assert (left.iterations, same.evaluations) == (passes, 4 * passes)
+        assert (left.iterations, same.evaluations) == (updates, 4 * updates)
         assert 0 < left.violation < 1e-12
         assert least <= left.change <= most
     code.row()  # outputs leave the statistics of the step

@@ -68,11 +68,15 @@ int main(void) {{
 """
 
 
+#: The places in source that an instruction comes from: in the function, and in those that are inlined there, outermost first.
+Places = tuple[tuple[str, int], ...]
+
+
 @dataclass
 class Code:
     """The functions of an object file, and the largest numbers of rounds of its loops by source line."""
 
-    functions: dict[str, list[tuple[int, str, str, tuple[str, int]]]]
+    functions: dict[str, list[tuple[int, str, str, Places]]]
     rounds: Mapping[tuple[str, int], int]
     without_library: bool = False
     known: dict[str, float] = field(default_factory=dict)
@@ -93,7 +97,7 @@ class Function:
     """The basic blocks of a function by the addresses of their first instructions."""
 
     code: Code
-    instructions: Sequence[tuple[int, str, str, tuple[str, int]]]
+    instructions: Sequence[tuple[int, str, str, Places]]
 
     @cached_property
     def bound(self) -> float:
@@ -104,29 +108,29 @@ class Function:
         return max(found.get(block, NEVER) for block in self.ends)
 
     def _find_blocks(self) -> None:
-        places = {a: i for i, (a, *_) in enumerate(self.instructions)}
+        known = {a for a, *_ in self.instructions}
         first, jumps = {self.instructions[0][0]}, {}
         for i, (address, name, operands, _) in enumerate(self.instructions):
             if re.fullmatch(r"b|b\.\w+|cbn?z|tbn?z", name):
                 jumps[address] = int(re.findall(r"\b([0-9a-f]+) <", operands)[0], 16)
-                first |= {jumps[address]} & set(places)
+                first |= {jumps[address]} & known
             elif name not in ("ret", "udf"):
                 assert name != "br", "a jump by a table"
                 continue
             if i + 1 < len(self.instructions):
                 first.add(self.instructions[i + 1][0])
         starts = sorted(first)
+        self.places: dict[int, list[Places]] = {}
         self.next: dict[int, list[int]] = {}
         self.price: dict[int, float] = {}
-        self.last: dict[int, int] = {}
         self.ends: list[int] = []
         for start, end in zip(starts, [*starts[1:], 1 << 62], strict=True):
             block = [row for row in self.instructions if start <= row[0] < end]
             address, name, operands, _ = block[-1]
-            self.last[start] = places[address]
+            self.places[start] = [row[3] for row in block]
             called = [row[2].partition("<")[2].rstrip(">") for row in block if row[1] == "bl"]
             self.next[start] = []
-            if address in jumps and jumps[address] in places:
+            if address in jumps and jumps[address] in known:
                 self.next[start].append(jumps[address])
             elif address in jumps:  # a call in place of a return
                 called.append(re.findall(r"<([\w.]+)>", operands)[0])
@@ -163,16 +167,22 @@ class Function:
         once = self._longest(part, head, cut | back)
         latches = [b for b, _ in back]
         tested_below = any(n not in part for b in latches for n in self.next[b])
-        rounds = max(self._rounds(b) for b in latches)
+        rounds = max(self._rounds(part, b) for b in latches)
         before = (rounds - tested_below) * max(once.get(b, NEVER) for b in latches)
         return {block: before + length for block, length in once.items()}
 
-    def _rounds(self, latch: int) -> int:
-        """The number of rounds that the `for` statement of a loop's last branch allows."""
-        file, line = self.instructions[self.last[latch]][3]
+    def _rounds(self, part: set[int], latch: int) -> int:
+        """The number of rounds that the `for` statement of a loop allows: of its last branch, in the innermost function that most of it
+        comes from."""
+        places = [place for block in part for place in self.places[block]]
+        last = self.places[latch][-1]
+        depth = len(last) - 1
+        while sum(place[:depth] == last[:depth] and len(place) > depth for place in places) < 0.9 * len(places):
+            depth -= 1
+        file, line = last[depth]
         while (file, line) not in self.code.rounds:
             line -= 1
-            assert line > 0, f"no loop in {file} ends at {self.instructions[self.last[latch]]}"
+            assert line > 0, f"no loop in {file} ends at {last}"
         return self.code.rounds[file, line]
 
 
@@ -204,16 +214,22 @@ def _components(blocks: set[int], entry: int, after: object) -> list[set[int]]:
 
 def read_code(binary: Path, sources: Mapping[str, str], rounds: Mapping[str, int]) -> Code:
     """The code of an object file; ``rounds`` are the values of limits of loops that are no numbers."""
-    said = subprocess.run([f"{PREFIX}objdump", "-dl", "--no-show-raw-insn", binary], check=True, capture_output=True, text=True).stdout
-    functions: dict[str, list[tuple[int, str, str, tuple[str, int]]]] = {}
+    call = [f"{PREFIX}objdump", "-dl", "--inlines", "--no-show-raw-insn", str(binary)]
+    said = subprocess.run(call, check=True, capture_output=True, text=True).stdout
+    functions: dict[str, list[tuple[int, str, str, Places]]] = {}
     rows, place = [], ("", 0)
+    callers: list[tuple[str, int]] = []
     for line in said.splitlines():
         if start := re.match(r"[0-9a-f]+ <([\w.]+)>:", line):
             rows = functions.setdefault(start[1], [])
-        elif source := re.match(r"\S*?([\w.]+\.[ch]):(\d+)", line):
-            place = source[1], int(source[2])
+        elif source := re.match(r"(inlined by )?\S*?([\w.]+\.[ch]):(\d+)", line):
+            if source[1]:
+                callers.insert(0, (source[2], int(source[3])))
+            else:
+                place = source[2], int(source[3])
         elif row := re.match(r" +([0-9a-f]+):\t(\S+)\s*(.*)", line):
-            rows.append((int(row[1], 16), row[2], row[3], place))
+            rows.append((int(row[1], 16), row[2], row[3], (*callers, place)))
+            callers = []
     return Code({name: [row for row in body if row[1] != "nop"] for name, body in functions.items()}, _limits(sources, rounds))
 
 
@@ -265,8 +281,8 @@ def compare(name: str, integrator: str | None, embedded: bool = False, steps: in
     case, scene = find_case(read_model_text(text, f"{name}.yaml"), None)
     scene = with_default_closure(scene, "recursive", integrator)
     files = make_c99(case, scene, method="recursive", integrator=integrator).files
-    code = generate(freeze_start_parameters(case, scene), scene, scene.outputs, method="recursive", lanes=False)
-    turned = _turned(make_standalone(code, integrator=integrator, equal_steps=True, lanes=False))
+    made_of = generate(freeze_start_parameters(case, scene), scene, scene.outputs, method="recursive", lanes=False)
+    turned = _turned(make_standalone(made_of, integrator=integrator, equal_steps=True, lanes=False))
     inputs = f"{name}_set_input(sim, 0, 0.01 * k, 0.1 * (k % 7), 0.0);" if "_set_input" in files[f"{name}.h"] else ""
     with TemporaryDirectory() as made:
         folder, own = Path(made), mathematics()
