@@ -6,7 +6,7 @@ from shutil import which
 
 import pytest
 
-from cutjoint_bench.studies.step_bound import PREFIX, compare
+from cutjoint_bench.studies.step_bound import CASES, PREFIX, compare
 from tests.conftest import needs_cpp
 
 pytestmark = [
@@ -15,7 +15,7 @@ pytestmark = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("model", "integrator"), [("press", None), ("press", "rk4"), ("pendulum", "rk4")])
-def test_no_step_takes_more_and_the_bound_is_at_most_half_above(model: str, integrator: str | None) -> None:
-    for bound, count in compare(model, integrator):
+@pytest.mark.parametrize("case", CASES)
+def test_no_step_takes_more_and_the_bound_is_at_most_half_above(case: tuple[str, str | None, bool]) -> None:
+    for bound, count in compare(*case):
         assert count <= bound <= 1.5 * count

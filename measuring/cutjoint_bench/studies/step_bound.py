@@ -3,8 +3,8 @@
 The bound is the longest path through each function of an aarch64 object: a loop counts as often as its `for` statement in C allows, a copy
 of n bytes as 40 + n/8.  Excluded: the reduction of angles beyond 1e6 rad, and square roots of negative numbers.  The count is the largest
 of steps in qemu-aarch64, which logs each instruction: 100 from the start of the scene, and 100 from there on with all angles of the state
-turned by 159154 turns, near 1e6 rad, where sines and cosines take longer.  Parameters and inputs change before each step.  Embedded loops
-are functions of angles near the start, and are not turned.  Both numbers are also given without the mathematical library.
+turned by 159154 turns, near 1e6 rad, where sines and cosines take longer.  Parameters and inputs change before each step.
+Both numbers are also given without the mathematical library.
 """
 
 from __future__ import annotations
@@ -261,6 +261,7 @@ def measure(binary: Path, name: str, code: Code) -> tuple[int, int]:
                 most, now = [max(pair) for pair in zip(most, now, strict=True)] if at == back else most, [0, 0]
             now[0] += 1
             now[1] += at not in library
+    assert run.returncode == 0, "a step fails"
     return most[0], most[1]
 
 
@@ -288,7 +289,7 @@ def compare(name: str, integrator: str | None, embedded: bool = False, steps: in
         folder, own = Path(made), mathematics()
         (folder / "libm").mkdir()
         for file, content in {**files, "main.c": MAIN.format(
-            p=name, P=name.upper(), steps=steps, inputs=inputs, turned="0.0" if embedded else ", ".join(turned))}.items():
+            p=name, P=name.upper(), steps=steps, inputs=inputs, turned=", ".join(turned))}.items():
             (folder / file).write_text(content, encoding="utf-8")
         named = ("-include", "libm/names.h")
         sources = [f"libm/{path.name}" for path in sorted((folder / "libm").glob("*.c"))]
