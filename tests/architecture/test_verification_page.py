@@ -34,8 +34,9 @@ REASONS = {
     ),
     "qemu, Frama-C": (
         "exported code on ARM", "C99 for controllers on ARM",
-        "C99 for controllers: no undefined behaviour in calls of any order with any finite numbers, any state; press, four-bar, "
-        "a cart with a ball by `rk4`",
+        "C99 for controllers: no undefined behaviour in calls of any order with any finite numbers, any state; press, also by "
+        "`rk4`, four-bar, a cart with a ball by `rk4`",
+        "C99 for controllers: the bound on instructions of a step",
         "the observer of `examples/`: no undefined behaviour with any finite measurements and states",
     ),
 }  # fmt: skip

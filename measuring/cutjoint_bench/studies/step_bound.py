@@ -172,8 +172,7 @@ class Function:
         return {block: before + length for block, length in once.items()}
 
     def _rounds(self, part: set[int], latch: int) -> int:
-        """The number of rounds that the `for` statement of a loop allows: of its last branch, in the innermost function that most of it
-        comes from."""
+        """The number of rounds that the `for` statement of a loop's last branch allows, in the innermost function with most of the loop."""
         places = [place for block in part for place in self.places[block]]
         last = self.places[latch][-1]
         depth = len(last) - 1
