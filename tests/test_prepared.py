@@ -26,7 +26,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package import extensions
 from cutjoint.package.errors import RunError
 from cutjoint.run.settings import Options
-from cutjoint.toolchain import compiler
+from cutjoint.toolchain import compiler, origins
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from tests.conftest import MODELS, needs_cpp
 from tests.toolchain.damage import DAMAGE, damaged_records
@@ -76,7 +76,7 @@ def _around(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def forget_digests() -> None:
-    for cached in (prepared.code_digest, prepared.versions):
+    for cached in (origins.code_digest, origins.versions):
         cached.cache_clear()
 
 
@@ -254,7 +254,7 @@ CHANGES: dict[str, Callable[[Path, pytest.MonkeyPatch], None]] = {
     "compiler's sources": _copied("cutjoint", "kernels/joints.py"),
     "templates": _copied("templates", "function.cpp.jinja"),
     "runtime": _copied("runtime", "include/cutjoint/any_mechanism.hpp"),
-    "version of a library": lambda _, monkeypatch: monkeypatch.setattr(prepared, "version", lambda name: "0"),
+    "version of a library": lambda _, monkeypatch: monkeypatch.setattr(origins, "version", lambda name: "0"),
     "C++ compiler": _other_compiler,
     "flags": lambda _, monkeypatch: monkeypatch.setattr(prepared, "FLAGS", ("-O0",)),
     "cache": lambda folder, monkeypatch: monkeypatch.setenv("CUTJOINT_CACHE", str(folder / "cache")),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from cutjoint.program.blocks import ConstantError
     from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
     from cutjoint.run.outputs import OutputError
+    from cutjoint.run.reading import read_model
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.plan import MissingLibraryError
     from cutjoint.stepping.handle import SimulationError
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes, find_trim
     from cutjoint.topology.build import build_topology
-    from cutjoint.topology.reading import read_model, read_model_text
+    from cutjoint.topology.reading import read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
     from cutjoint.view.views import write_view
 
@@ -74,8 +75,8 @@ _HOMES = {
     "analysis.inertia": "NoInertiaError", "analysis.mobility": "GuideError", "compile.pipeline": "compile_model", "fits.fit": "Fit fit",
     "model.errors": "ModelError", "package.errors": "CutjointError EquationsError MissingToolsError RunError ToolchainError",
     "package.extensions": "MissingPackageError", "program.blocks": "ConstantError",
-    "run.failures": "FailedBatchError FailedRunError IncompleteError", "run.outputs": "OutputError", "run.simulator": "SimulatorError",
-    "sparse.plan": "MissingLibraryError", "stepping.handle": "SimulationError", "stepping.load": "load",
+    "run.failures": "FailedBatchError FailedRunError IncompleteError", "run.outputs": "OutputError", "run.reading": "read_model",
+    "run.simulator": "SimulatorError", "sparse.plan": "MissingLibraryError", "stepping.handle": "SimulationError", "stepping.load": "load",
     "stepping.response": "find_linear_model", "stepping.rollout": "rollout", "stepping.simulation": "Simulation",
     "stepping.state_space": "FrequencyResponse SampledStateSpace StateSpace",
     "stepping.values": "EventSensitivities EigenvalueSensitivities StateSensitivities AdjointSensitivities ForwardSensitivities "
@@ -84,7 +85,7 @@ _HOMES = {
     "tasks.batch": "compile_batch simulate simulate_batch", "tasks.inverse": "inverse_dynamics",
     "tasks.kinematics.sweep": "find_compliance find_kinematics", "tasks.realtime": "FailedRealTimeError run_in_real_time",
     "tasks.states": "NoEquilibriumError find_equilibrium find_initial_state find_modes find_trim", "topology.build": "build_topology",
-    "topology.reading": "read_model read_model_text", "topology.spanning_tree": "TopologyError", "view.views": "write_view",
+    "topology.reading": "read_model_text", "topology.spanning_tree": "TopologyError", "view.views": "write_view",
 }  # fmt: skip
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
-from cutjoint.compile.prepared import code_digest
 from cutjoint.methods import AUTO, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Loops
 from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.records import Scene
@@ -25,6 +24,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import ErrorEstimate, Trajectory
 from cutjoint.run.scenes import find_scene, with_default_closure, with_loops
 from cutjoint.run.simulation import simulate
+from cutjoint.toolchain.origins import code_digest
 from cutjoint_bench.cutjoint_contenders import ADAPTIVE_IN_LOOPS, identity
 from cutjoint_bench.records import Case, Contender
 

@@ -28,6 +28,7 @@ from cutjoint.report.tasks import choice_tables
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_default_closure
 from cutjoint.run.simulation import simulate
+from cutjoint.toolchain import origins
 from cutjoint.toolchain.compiler import Compiler
 from cutjoint_bench.exact.chain import Chain, crank_motion
 from cutjoint_bench.exact.elliptic import quarter_period
@@ -102,7 +103,7 @@ def calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[li
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("cutjoint.reduce.choose._calibrate", calibrate)
     yield calibrated
-    prepared.code_digest.cache_clear()
+    origins.code_digest.cache_clear()
 
 
 def choose_again(**changes: object) -> Choice:

@@ -17,9 +17,9 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.settings import accuracy_of
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.reading import read_model
 from cutjoint.topology.search import rank_cuts
 
 

@@ -18,12 +18,12 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.report.tables import trim_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import find_trim
 from cutjoint.run.scenes import find_case, method_of, with_default_closure
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.toolchain.wasm import require_zig
-from cutjoint.topology.reading import read_model
 
 #: The target whose product is a module for browsers and other hosts of WebAssembly.
 WASM = "wasm"

@@ -6,9 +6,9 @@ from cutjoint.commands import options, table
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError, require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.run.scenes import method_of, with_loops
-from cutjoint.topology.reading import read_model
 from cutjoint.view.drive import Ends, make_drive, replay_drive
 from cutjoint.view.views import PAGE, drive_page
 

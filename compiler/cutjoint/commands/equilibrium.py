@@ -10,8 +10,8 @@ from cutjoint.report.tables import locking_force_facts, trim_facts
 from cutjoint.report.tasks import describe_stability, force_table, pose_table, standing_tyre_lines
 from cutjoint.run.display import in_units, read_units
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
-from cutjoint.topology.reading import read_model
 
 
 @table.command("equilibrium")

@@ -8,9 +8,9 @@ from cutjoint.commands import options, table
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import method_of
-from cutjoint.topology.reading import read_model
 
 
 @table.command("explain")

@@ -17,10 +17,10 @@ from cutjoint.model.records import Model, Output
 from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case
-from cutjoint.topology.reading import read_model
 
 #: Formats of robots: the endings of their files' names, and their writers.
 ROBOTS = {table.URDF: (".urdf", write_urdf), table.MJCF: (".xml", write_mjcf)}

@@ -7,8 +7,8 @@ from cutjoint.commands import options, table
 from cutjoint.report.tasks import drive_table, write_drives
 from cutjoint.run.display import in_units, read_units
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.tasks.inverse import inverse_dynamics
-from cutjoint.topology.reading import read_model
 
 
 @table.command("inverse")

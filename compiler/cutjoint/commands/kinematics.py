@@ -6,8 +6,8 @@ from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError
 from cutjoint.report.kinematics import compliance_tables, kinematics_tables, plot_kinematics, write_compliance, write_kinematics
 from cutjoint.run.outputs import require_apart, require_folder
+from cutjoint.run.reading import read_model
 from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
-from cutjoint.topology.reading import read_model
 
 
 @table.command("kinematics")

@@ -5,10 +5,10 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.report.tasks import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_case
 from cutjoint.tasks.states import find_scene_modes
-from cutjoint.topology.reading import read_model
 
 
 @table.command("modes")

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from math import inf
 
 from cutjoint.analysis.mobility import find_mobility
@@ -28,20 +27,19 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.files.referenced import SHIPPED
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.additions import Backend
 from cutjoint.run.artifact import Artifact, make_simulator_run
+from cutjoint.run.reading import file_digests, read_model
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing_parts
 from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops
 from cutjoint.run.settings import Options, find_integrator
 from cutjoint.toolchain.background import BuildPending
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
-from cutjoint.topology.reading import read_model
 
 #: Executes a run; a function that it calls now and then may raise, which ends the run.
 Execute = Callable[..., Trajectory]
@@ -188,7 +186,7 @@ def prepare(artifact: Artifact, requested: Options, parameters: Mapping[str, flo
         dependent_parts=changing_parts(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, requested, parameters), plots=artifact.scene.plots, display=model.display,
-        files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
+        files=file_digests(model),
     )  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.report.tasks import time_tables
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.run_file import parameter_values
 from cutjoint.tasks.realtime import run_in_real_time
-from cutjoint.topology.reading import read_model
 
 
 @table.command("realtime")

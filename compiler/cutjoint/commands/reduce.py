@@ -8,8 +8,8 @@ from cutjoint.reduce.sequence import reduction_sequence, started
 from cutjoint.report.tasks import reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import read_model
 from cutjoint.run.scenes import find_case, method_of
-from cutjoint.topology.reading import read_model
 
 
 @table.command("reduce")

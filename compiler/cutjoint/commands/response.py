@@ -8,11 +8,11 @@ from cutjoint.package.errors import RunError
 from cutjoint.report import response as report
 from cutjoint.run.display import read_units
 from cutjoint.run.outputs import require_apart, require_folder
+from cutjoint.run.reading import read_model
 from cutjoint.run.scenes import find_case
 from cutjoint.stepping.response import find_scene_linear_model
 from cutjoint.stepping.state_space import SampledStateSpace
 from cutjoint.stepping.vibration import random_vibration
-from cutjoint.topology.reading import read_model
 
 
 @table.command("response")

@@ -5,7 +5,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
-from cutjoint.topology.reading import read_model
+from cutjoint.run.reading import read_model
 from cutjoint.view.live import LiveView
 from cutjoint.view.views import live_page, show_start
 

@@ -9,19 +9,17 @@ a simulator by its name in the cache.
 import codecs
 import json
 import re
-import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
 from cutjoint.package.errors import CutjointError, ToolchainError
-from cutjoint.package.locations import binaries_folder, code_folders, require_input
+from cutjoint.package.locations import code_folders
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
@@ -29,12 +27,10 @@ from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind
+from cutjoint.toolchain.origins import LARGEST, code_digest, digests_of, versions
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Plot
-
-#: The largest number of bytes that are read of a model file: above the limit of models, so that a truncated file never matches.
-_LARGEST = 8_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +96,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
         return None
     try:
         with request.model.open("rb") as stream:
-            content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
+            content = stream.read(LARGEST).removeprefix(codecs.BOM_UTF8)
         record = read_record(_cache_path(request, content))
         prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
     except (OSError, CutjointError, PackageNotFoundError, ValueError):
@@ -108,16 +104,6 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
     if prepared is None or not prepared.accepts(parameters, request.options.targets) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
-
-
-def digests_of(files: Iterable[str]) -> dict[str, str]:
-    """The digests of files as they are. Raises OSError: one cannot be read."""
-    found = {}
-    for file in files:
-        require_input(Path(file))
-        with Path(file).open("rb") as stream:
-            found[file] = sha256(stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)).hexdigest()
-    return found
 
 
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
@@ -152,24 +138,6 @@ def build_provenance() -> tuple[Any, ...]:
     installed without its version."""
     by = () if must_interpret() else ((compiler := find_compiler()).command, compiler.key, resolve(FLAGS))
     return code_digest(code_folders()), versions(), *by
-
-
-@cache
-def code_digest(folders: tuple[Path, ...]) -> str:
-    """The digest of the sources in folders, as they were at the first call."""
-    code, others = sha256(), binaries_folder()
-    for folder in folders:
-        for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and not p.is_relative_to(others) and p.is_file()):
-            content = path.read_bytes()
-            code.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode() + content)
-    return code.hexdigest()
-
-
-@cache
-def versions() -> tuple[str, ...]:
-    """The versions of Python, of this package and of its requirements."""
-    required = [re.split(r"[^\w.-]", line)[0] for line in requires("cutjoint") or () if "extra ==" not in line]
-    return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))
 
 
 def _as_json(prepared: PreparedRun) -> dict[str, Any]:

@@ -31,9 +31,10 @@ from cutjoint.model.expressions.units import TIME, Dimension, UnitError, fault_o
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
+from cutjoint.run.reading import read_model
 from cutjoint.run.scenes import find_case
 from cutjoint.sweeps.code import Reader, dimension_of
-from cutjoint.topology.reading import read_model, read_model_text
+from cutjoint.topology.reading import read_model_text
 
 #: The bandwidth of measured motions, Hz.
 _BAND = 10.0

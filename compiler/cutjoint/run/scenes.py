@@ -100,7 +100,7 @@ def model_of(source: ModelLike, tunable: Sequence[str] = ()) -> Model:
         RunError: numbers are to be ``tunable`` after the file was read.
     """
     if isinstance(source, str | PathLike):
-        from cutjoint.topology.reading import read_model  # cached runs do not need it
+        from cutjoint.run.reading import read_model  # cached runs do not need it
 
         return read_model(source, tunable=tunable)
     from cutjoint.model.records import Model

@@ -20,6 +20,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import templates_folder
+from cutjoint.run.reading import read_model
 from cutjoint.run.result_files import naming_output
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import in_scene, with_default_closure
@@ -28,7 +29,6 @@ from cutjoint.run.simulator import SimulatorError
 from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.records import Array, Kind, Objective, Study
 from cutjoint.sweeps.run import Sweep
-from cutjoint.topology.reading import read_model
 from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.page import as_data, as_table, script_hash
 from cutjoint.view.views import show_run, write_shown

@@ -26,6 +26,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.model.scenes.build import SETTINGS
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.locations import AnyPath
+from cutjoint.run.reading import read_model
 from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.code import Reader
@@ -35,7 +36,7 @@ from cutjoint.sweeps.records import Objective, Series, Study, TaskRequest
 from cutjoint.sweeps.tasks import REDUCTIONS_OF, Result, make_task
 from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS
-from cutjoint.topology.reading import read_model, read_model_text
+from cutjoint.topology.reading import read_model_text
 
 #: The names of variables and of other sections' entries in messages.
 _LABELS = {"parameters": "parameter", "positions": "position", "rates": "rate", "objectives": "objective"}

@@ -17,16 +17,7 @@ from cutjoint.topology.spanning_tree import TopologyError
 
 
 def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
-    """Read and check a model file, or a URDF, SDF or MJCF file; numbers of the result are SI.
-
-    Args:
-        tunable: patterns; constants whose names match become parameters.
-        functions: C++ file with the functions that the model declares.
-
-    Raises:
-        ModelError: the file has problems, of which the error lists all, those of loops included; or the code of a function is not in
-            the C++ file.
-    """
+    """As `run.reading.read_model`, which keeps what takes long."""
     with _problems_of_loops():
         if is_foreign(path):  # places in messages about the model that it becomes are those of the file that `cutjoint import` writes
             from cutjoint.importing.document import import_file
