@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.elements.force import Force as ForceElement
-from cutjoint.elements.interactions import LineForce
+from cutjoint.elements.interactions.line_force import LineForce
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Force, PointSpring
 from cutjoint.topology.reading import read_model

@@ -1,6 +1,11 @@
 """Models with mechanics alone, which the generic solver and peers have equations for."""
 
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.elements.interactions.axis_force import AxisForce
+from cutjoint.elements.interactions.compliance import Compliance
+from cutjoint.elements.interactions.line_force import LineForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate
+from cutjoint.elements.interactions.road_contact import RoadContact
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.model.elements.friction import bristle_name
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import reading_elements

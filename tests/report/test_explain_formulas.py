@@ -13,7 +13,7 @@ import sympy
 
 from cutjoint.compile.systems import formulate_system
 from cutjoint.elements.interaction import Mechanics
-from cutjoint.elements.interactions import LineForce
+from cutjoint.elements.interactions.line_force import LineForce
 from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import METHODS

@@ -13,7 +13,7 @@ KIND = """
 from dataclasses import dataclass
 from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Shape
 from cutjoint.elements.interaction import Carrier, Point
-from cutjoint.elements.interactions import LineForce
+from cutjoint.elements.interactions.line_force import LineForce
 from cutjoint.elements.forces import FORCES
 
 LAW = Law({"length": "m", "rate": "m/s"}, "N")

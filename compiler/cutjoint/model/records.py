@@ -12,16 +12,7 @@ from enum import StrEnum
 
 from cutjoint.elements.force import Force as Force
 from cutjoint.elements.force import LawForce as LawForce
-from cutjoint.elements.forces import AxialForce as AxialForce
-from cutjoint.elements.forces import BallSpring as BallSpring
-from cutjoint.elements.forces import BodyLoad as BodyLoad
-from cutjoint.elements.forces import Bushing as Bushing
-from cutjoint.elements.forces import Contact as Contact
-from cutjoint.elements.forces import JointForce as JointForce
-from cutjoint.elements.forces import JointFriction as JointFriction
-from cutjoint.elements.forces import PointSpring as PointSpring
-from cutjoint.elements.forces import Tyre as Tyre
-from cutjoint.elements.forces import Wheel as Wheel
+from cutjoint.elements.forces import *  # noqa: F403
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.terms import JointKind as JointKind

@@ -10,7 +10,12 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.interaction import Point
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.elements.interactions.axis_force import AxisForce
+from cutjoint.elements.interactions.compliance import Compliance
+from cutjoint.elements.interactions.line_force import LineForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate
+from cutjoint.elements.interactions.road_contact import RoadContact
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.elements.joint import AXIAL_FRAME
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME

@@ -9,7 +9,11 @@ from typing import Any, TypeAlias
 import sympy
 
 from cutjoint.elements.interaction import Point
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, RoadContact, Wrench
+from cutjoint.elements.interactions.axis_force import AxisForce
+from cutjoint.elements.interactions.compliance import Compliance
+from cutjoint.elements.interactions.line_force import LineForce
+from cutjoint.elements.interactions.road_contact import RoadContact
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.emit.names import unique
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.records import COORDINATES, GROUND, Force, Scalar, Scene, Vector

@@ -8,7 +8,12 @@ from typing import Any
 
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.interaction import Carrier, Interaction
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.elements.interactions.axis_force import AxisForce
+from cutjoint.elements.interactions.compliance import Compliance
+from cutjoint.elements.interactions.line_force import LineForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate
+from cutjoint.elements.interactions.road_contact import RoadContact
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
     Advance,

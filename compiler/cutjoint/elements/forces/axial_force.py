@@ -5,7 +5,7 @@ from typing import ClassVar, Self
 
 from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Reader, Shape
 from cutjoint.elements.interaction import Axis, Carrier, Point
-from cutjoint.elements.interactions import AxisForce
+from cutjoint.elements.interactions.axis_force import AxisForce
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"travel": "m", "rate": "m/s"}, "N")

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from cutjoint.elements.force import Choice, Force, ForceElement, ForceField, Law, Mirror, Reader, Shape
 from cutjoint.elements.interaction import Carrier, Point
-from cutjoint.elements.interactions import Wrench
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.elements.terms import Vector
 
 _FORCE = Law({**dict.fromkeys(("x", "y", "z"), "m"), **dict.fromkeys(("vx", "vy", "vz"), "m/s")}, "N")

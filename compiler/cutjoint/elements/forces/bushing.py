@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from cutjoint.elements.force import Force, ForceElement, ForceField, Law, Mirror, Reader, Shape
 from cutjoint.elements.interaction import Carrier, Frame, Point
-from cutjoint.elements.interactions import Compliance
+from cutjoint.elements.interactions.compliance import Compliance
 from cutjoint.elements.terms import Scalar, Vector
 
 _ALONG = Law({"position": "m", "rate": "m/s"}, "N")

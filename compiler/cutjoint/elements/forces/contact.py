@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 from cutjoint.elements.force import Force, ForceElement, ForceField, Law, Mirror, Reader, Shape
 from cutjoint.elements.interaction import Axis, Carrier, Point
-from cutjoint.elements.interactions import Touch
+from cutjoint.elements.interactions.touch import Touch
 from cutjoint.elements.terms import Scalar, Vector
 
 #: The motion of the contact, with units.

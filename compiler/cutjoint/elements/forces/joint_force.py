@@ -6,7 +6,8 @@ from typing import ClassVar, Self
 
 from cutjoint.elements.force import Force, ForceElement, ForceField, Law, LawForce, Mirror, OnJoint, Reader, Shape
 from cutjoint.elements.interaction import Carrier, Frame
-from cutjoint.elements.interactions import AttitudeForce, OnCoordinate
+from cutjoint.elements.interactions.attitude_force import AttitudeForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate
 from cutjoint.elements.terms import Scalar, Vector
 
 _SLIDE = Law({"position": "m", "rate": "m/s"}, "N")

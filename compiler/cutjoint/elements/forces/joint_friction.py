@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Bristle, ForceElement, ForceField, Mirror, OnJoint, Reader, Shape
-from cutjoint.elements.interactions import CoordinateFriction
+from cutjoint.elements.interactions.on_coordinate import CoordinateFriction
 from cutjoint.elements.terms import Scalar
 
 #: Fields of the joint's load; the others are coefficients and those of the bristle.

@@ -5,7 +5,7 @@ from typing import ClassVar, Self
 
 from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Reader, Shape
 from cutjoint.elements.interaction import Carrier, Point
-from cutjoint.elements.interactions import LineForce
+from cutjoint.elements.interactions.line_force import LineForce
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"length": "m", "rate": "m/s"}, "N")

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 from cutjoint.elements.force import Constants, ForceElement, ForceField, Reader, Shape
 from cutjoint.elements.forces.on_road import TERRAIN_FIELDS, OnRoad, read_terrain
 from cutjoint.elements.interaction import Axis, Carrier, Point
-from cutjoint.elements.interactions import RoadContact
+from cutjoint.elements.interactions.road_contact import RoadContact
 from cutjoint.elements.terms import Scalar
 
 CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")  #: the constants of the Calspan model

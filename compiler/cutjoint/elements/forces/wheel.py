@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 from cutjoint.elements.force import ForceElement, ForceField, Law, Mirror, Reader, Shape
 from cutjoint.elements.forces.on_road import TERRAIN_FIELDS, OnRoad, read_terrain
 from cutjoint.elements.interaction import Axis, Carrier, Point
-from cutjoint.elements.interactions import RollingContact
+from cutjoint.elements.interactions.rolling_contact import RollingContact
 from cutjoint.elements.terms import Scalar, Vector
 
 #: The motion of the contact, with units.

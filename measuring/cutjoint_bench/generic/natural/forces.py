@@ -17,7 +17,12 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.interaction import Interaction, Point
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.elements.interactions.axis_force import AxisForce
+from cutjoint.elements.interactions.compliance import Compliance
+from cutjoint.elements.interactions.line_force import LineForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate
+from cutjoint.elements.interactions.road_contact import RoadContact
+from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.elements.geometry import GLOBAL_AXES
