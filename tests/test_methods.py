@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from fractions import Fraction
 from itertools import product
 from typing import Any
 
@@ -39,6 +40,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
 from tests.conftest import ROOT
 from tests.run.test_failing_starts import PENDULUM
+from tests.runtime.test_tables import table
 
 MODEL = read_model_text(PENDULUM, "pendulum.yaml")
 
@@ -93,6 +95,28 @@ def test_a_row_of_an_integrator_reaches_all_that_follow_from_it(integrator: Inte
         assert name in next(p.type for p in found.params if p.name == "integrator").choices  # type: ignore[attr-defined]
     assert integrator.order
     assert integrator.about
+
+
+@pytest.mark.parametrize("integrator", [i for i in INTEGRATORS.values() if "ExplicitSteps" in str(i.steps)], ids=lambda i: i.name)
+def test_the_row_of_an_explicit_integrator_is_that_of_its_table(integrator: Integrator) -> None:
+    """Order, error estimate, and room for its stages.  C99 has the steps of one table, whatever the name of another."""
+    (steps,) = integrator.steps.values()
+    name = steps.name.rpartition("::")[2].removesuffix(">")
+    found = table(name)
+    text = (ROOT / "runtime/include/cutjoint/core/runge_kutta/tables.hpp").read_text(encoding="utf-8")
+    struct = text.partition(f"struct {name} {{")[2].partition("using Row")[0]
+    assert f"int order = {integrator.order.partition('(')[0]};" in struct
+    assert f"adaptive = {str(integrator.adaptive).lower()};" in struct
+    assert steps.stages >= len(found["nodes"][0]) + max(0, len(found["dense"]) - 1)
+    c99 = (ROOT / "templates/c99/rk4.jinja").read_text(encoding="utf-8")
+    in_c = [fractions(x) for x in re.findall(r"(?:nodes|weights)\[\d\] = \{(.*?)\}", c99)]
+    in_table = [found["nodes"][0][1:-1], found["weights"][-1]]
+    assert integrator.c99 == (in_c == in_table)
+
+
+def fractions(text: str) -> list[Fraction]:
+    """Numbers of C as they are meant."""
+    return [Fraction(a) / Fraction(b or "1") for a, b in re.findall(r"([\d.]+)(?: / ([\d.]+))?", text)]
 
 
 def test_every_method_takes_the_default_integrator() -> None:

@@ -264,13 +264,13 @@ _ALL_CLOSURES = ("penalty", "proximal", "solved")
 _NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="RecursiveNewtonSteps<Mechanism, System>")
 
 
-def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True) -> Integrator:
+def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True, **more: Any) -> Integrator:
     """An explicit Runge-Kutta method by its table of core/runge_kutta/tables.hpp."""
     of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
     steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages, is_iterated=not adaptive)
     return Integrator(
         name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps}, closures=_ALL_CLOSURES, closure="solved",
-        adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY, c99=not adaptive, fixed_cost=not adaptive,
+        adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY, fixed_cost=not adaptive, **more,
     )  # fmt: skip
 
 
@@ -296,7 +296,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         },
         closures=_ALL_CLOSURES, has_generic=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, c99=True,
     ),
-    _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step"),
+    _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step", c99=True),
     _explicit("dormand-prince", "DormandPrinceTable", order="5(4)", stages=7, about="error: the difference of orders 5 and 4"),
     _explicit("dop853", "Dop853Table", order="8(5,3)", stages=20, about="error: the combined estimate of orders 5 and 3"),
     _radau("radau5", adaptive=True, about="L-stable; error: an embedded formula of order 3"),
