@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from cutjoint.model.expressions.operations import FUNCTIONS as OF_MODELS
-from cutjoint.ops import CONDITIONS, OPERATIONS, SMOOTH, Operation, fact
+from cutjoint.ops import CONDITIONS, OPERATIONS, SMOOTH, STANDARD, Operation, fact
 from cutjoint.program.blocks import FUNCTIONS, BindingTime, Builder
+from cutjoint.toolchain.wasm import MATHEMATICS
 from cutjoint.view.sliders import print_function
 from tests.conftest import ROOT
 
@@ -49,3 +51,11 @@ def test_models_have_the_smooth_ones() -> None:
 def test_a_missing_entry_names_the_operation_and_the_entry(operation: str, name: str) -> None:
     with pytest.raises(LookupError, match=f"the operation '{operation}' has no '{name}' in cutjoint.ops"):
         fact(operation, name)
+
+
+def test_each_function_is_in_the_mathematical_library() -> None:
+    """Which C99 folders and pages bring for the same bits everywhere; square roots and absolute values are exact in any."""
+    folder = ROOT / "runtime" / "libm"
+    renamed = re.findall(r"^CUTJOINT_OF_\w+\((\w+)\)$", (folder / "names.h").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {*STANDARD} - {"sqrt", "abs"} <= {*MATHEMATICS}
+    assert {*renamed} == {*MATHEMATICS} == {name for name in MATHEMATICS if (folder / f"{name}.c").is_file()}
