@@ -124,6 +124,7 @@ def _refine_to_goal(plan: SimulatorRun, begin: _Begin, search: _Begin, *, once: 
         attempt = begin if writes else search if asked or level > 0 else start
         written = level if writes else written
         run = _completed(trial, attempt) if level < 0 else attempt(trial)
+        plan = plan.begun_as(run)
         if run is None or run.failure is not None:
             if level > 0 and last is not None:
                 return _finest_completed(_finer(plan, change, at), begin)
@@ -300,7 +301,7 @@ def _largest_by_unit(run: Trajectory) -> dict[str, float]:
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     """The error of each output of a run, as `compare` finds it, with the effect of loop violations.
     Raises Interrupted, Terminated: a signal has ended a run."""
-    change = _change_of(plan)
+    plan, change = plan.begun_as(run), _change_of(plan)
 
     def rerun(times: int) -> Trajectory | None:
         other = _try(plan, change, times)

@@ -61,6 +61,7 @@ class RunFile:
         begin: time and state from which the run continues; None for a new start.
         energy: whether the run integrates work and energy.
         jumps_within: report jumps within this time (s) of a sample, or None.
+        start: the start that an earlier run of the file with other steps has found, or None.
 
     `run_file.make_run_file` makes one.  Callers such as `tasks.batch` add entries of their tasks to `entries()`.
     """
@@ -81,6 +82,7 @@ class RunFile:
     initial_state: Mapping[str, Any] | None = None
     surface: Mapping[str, Any] | None = None
     near: tuple[str, ...] = ()
+    start: Mapping[str, Any] | None = None
 
     def entries(self) -> dict[str, Any]:
         """The file as plain data for JSON, without what it does not have."""

@@ -204,7 +204,8 @@ class Trajectory(Columns[Array]):
     ``table`` is the result file, if there is one. ``fallback`` names the settings that replaced others, and why, or is "". ``estimator``
     estimates errors; None if that is impossible. ``energy`` is None unless requested. ``near_jumps`` are samples close to a jump, left
     out of error estimates. ``coordinates`` (samples, coordinates) are those of the method; None unless requested. ``locking_forces`` are
-    forces that lock coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0.
+    forces that lock coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0. ``start`` is what further runs
+    with other steps begin with, None if the run has not begun.
     """
 
     t: Array
@@ -224,6 +225,7 @@ class Trajectory(Columns[Array]):
     fallback: str = ""
     locking_forces: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     estimator: "Callable[[Trajectory], ErrorEstimate] | None" = field(default=None, repr=False, compare=False)
+    start: Mapping[str, Any] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.update({TIME: self.t, **self.columns})

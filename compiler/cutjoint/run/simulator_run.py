@@ -89,6 +89,10 @@ class SimulatorRun:
         checked = replace(self.run_file, jumps_within=_BESIDE * self.run_file.output_step, energy=self.run_file.energy or balanced)
         return replace(self, run_file=checked)
 
+    def begun_as(self, run: Trajectory | None) -> "SimulatorRun":
+        """The run with the start that a run of the same file has found, if it has begun, in place of a search for it."""
+        return self if run is None or run.start is None else replace(self, run_file=replace(self.run_file, start=run.start))
+
     def with_parameters(self, changes: Mapping[str, float]) -> "SimulatorRun":
         """The run with other values (SI units) of tunable parameters that nothing else in the run file follows from, and of inputs."""
         file = self.run_file
@@ -156,7 +160,7 @@ def start(
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
         near_jumps=tuple(NearJump(**each) for each in summary.get("near_jumps", ())), coordinates=coordinates,
-        fallback=fallback, locking_forces=read_locking_forces(summary),
+        fallback=fallback, locking_forces=read_locking_forces(summary), start=summary.get("start"),
     )  # fmt: skip
 
 

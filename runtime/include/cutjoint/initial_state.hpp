@@ -1,6 +1,8 @@
 // The start of a run in relative coordinates, as requested by its run file.
 #pragma once
 
+#include <numeric>
+
 #include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/run_file.hpp"
@@ -19,8 +21,9 @@ class InitialState {
         initialisation_(driven(mechanism),
                         {.stabilisation = settings.stabilisation,
                          .equilibrium = settings.pose == Pose::equilibrium,
-                         .fixed_point_step = settings.integrator == Integrator::trapezoidal ? Real(settings.dt) : Real(0)},
-                        data_.parameters().data(), data_.roads().data()) {}
+                         .fixed_point_step = fixed_point_step(settings)},
+                        data_.parameters().data(), data_.roads().data()),
+        depends_on_{{"fixed_point_step", fixed_point_step(settings)}, {"stabilisation", file.at("stabilisation")}} {}
 
   InitialState(const InitialState&) = delete;
   InitialState& operator=(const InitialState&) = delete;
@@ -33,7 +36,16 @@ class InitialState {
   }
 
   /// A mechanism in motion, with velocities that satisfy its loops: at the start, or continued from "initial_state" of the run file.  Throws Failure.
+  /// A "start" that another run of the file has found is taken as it is, if it does not depend on steps or has the same.
   const State<Real>& in_motion();
+
+  /// The start in motion that further runs of the file may take; null if JSON cannot hold it.
+  Json found() const {
+    const auto sum = [](const std::vector<Real>& numbers) { return std::accumulate(numbers.begin(), numbers.end(), Real(0)); };
+    if (!std::isfinite(sum(state_.q) + sum(state_.v) + sum(state_.vdot) + sum(state_.lambda) + sum(penalties()))) return {};
+    return {{"q", state_.q}, {"v", state_.v}, {"vdot", state_.vdot}, {"lambda", state_.lambda}, {"penalties", penalties()},
+            {"undetermined", undetermined_}, {"locking_forces", reactions_}, {"depends_on", depends_on_}};
+  }
 
   /// Adds the known cause to a failure to start.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
@@ -53,6 +65,18 @@ class InitialState {
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
+  /// The length of the steps on which penalties depend, 0 if they do not.
+  static double fixed_point_step(const RunSettings& settings) { return settings.integrator == Integrator::trapezoidal ? settings.dt : 0.0; }
+
+  /// The start that `found` has returned.
+  const State<Real>& taken(const Json& start) {
+    state_.q = read_numbers<Real>(start, "q"), state_.v = read_numbers<Real>(start, "v");
+    state_.vdot = read_numbers<Real>(start, "vdot"), state_.lambda = read_numbers<Real>(start, "lambda");
+    initialisation_.load(read_numbers<Real>(start, "penalties"));
+    undetermined_ = start.at("undetermined").get<std::vector<std::string>>(), reactions_ = start.at("locking_forces");
+    return state_;
+  }
+
   /// The state reached by other code, projected onto the loops.
   const State<Real>& continued(const Json& begin);
 
@@ -93,11 +117,13 @@ class InitialState {
   Initialisation<M> initialisation_;
   std::vector<std::string> undetermined_;
   Json reactions_ = Json::object();
+  const Json depends_on_;  ///< the settings that a start follows from and that runs of one file may change
 };
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
   if (file_.contains("initial_state")) return continued(file_.at("initial_state"));
+  if (file_.contains("start") && file_.at("start").at("depends_on") == depends_on_) return taken(file_.at("start"));
   require_none(initialisation_.place(state_, read_positions()), d_);
   initialisation_.find_reactions(state_);
   read_reactions();

@@ -51,6 +51,7 @@ class Run {
       if constexpr (requires { method_.kept(); })
         if (!failure.guards.empty() && !doubtful_since()) summary["kept"] = method_.kept();
     }
+    if (begun_ && !goes_on()) summary["start"] = initial_state_.found();
     if (table_) summary["rows"] = table_->rows();
     if (table_) summary["bytes"] = table_->end().bytes;
     close_files();

@@ -75,6 +75,12 @@ class Initialisation {
   /// Penalties of the cut joints, after a start has been found; the closure `penalty` has one for all.
   const Cuts<M>& penalties() const { return penalties_; }
 
+  /// Load the mechanism with penalties that are known.
+  void load(const Cuts<M>& penalties) {
+    penalties_ = penalties;
+    load();
+  }
+
   /// Load the mechanism before a pose is known.
   void load_unit_penalties() {
     const double arm = arm_of(mechanism_);
