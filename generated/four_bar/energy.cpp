@@ -8,7 +8,7 @@
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real*, Real* energy) const {
+void FourBar<Real>::energy(const Real* q, const Real* v, const Real* vdot, const Real*, Real* energy) const {
   using std::cos, std::sin;
 
   // inputs
@@ -68,8 +68,6 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
   //   four_bar.yaml:15
   const Real c_crank_0_bar_x_negated = R_crank_0_pin_yx*Real(0.5);
   const Real c_crank_0_bar_y = R_crank_0_pin_xx*Real(0.5);
-  const Real crank_0_bar_1 = c_crank_0_bar_y*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_x_negated)) -
-      c_crank_0_bar_x_negated*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_y) - Real(9.81));
 
   // body: coupler_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
@@ -79,16 +77,12 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
   const Real Mc_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x);
   const Real coupler_1_bar_1 = bv_coupler_1_pin_vx - Z_coupler_1_bar_wz*c_coupler_1_bar_y;
   const Real coupler_1_bar_2 = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz*c_coupler_1_bar_x;
-  const Real coupler_1_bar_3 = Z_coupler_1_bar_wz*coupler_1_bar_2;
-  const Real coupler_1_bar_4 = Real(9.81) + Z_coupler_1_bar_wz*coupler_1_bar_1;
 
   // body: crank_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
   const Real c_crank_1_bar_x_negated = R_crank_1_pin_yx*Real(0.5);
   const Real c_crank_1_bar_y = R_crank_1_pin_xx*Real(0.5);
-  const Real crank_1_bar_1 = c_crank_1_bar_y*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_x_negated)) -
-      c_crank_1_bar_x_negated*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_y) - Real(9.81));
 
   // body: coupler_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
@@ -98,8 +92,6 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
   const Real Mc_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x);
   const Real coupler_2_bar_1 = bv_coupler_2_pin_vx - Z_coupler_2_bar_wz*c_coupler_2_bar_y;
   const Real coupler_2_bar_2 = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz*c_coupler_2_bar_x;
-  const Real coupler_2_bar_3 = Z_coupler_2_bar_wz*coupler_2_bar_2;
-  const Real coupler_2_bar_4 = Real(9.81) + Z_coupler_2_bar_wz*coupler_2_bar_1;
 
   // body: crank_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
@@ -108,9 +100,6 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
   const Real c_crank_2_bar_y = R_crank_2_pin_xx*Real(0.5);
   const Real Mc_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
       c_crank_2_bar_x_negated*c_crank_2_bar_x_negated);
-  const Real Fc_crank_2_bar_vx_negated = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated);
-  const Real Fc_crank_2_bar_vy = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81);
-  const Real Fc_crank_2_bar_wz = c_crank_2_bar_y*Fc_crank_2_bar_vx_negated - c_crank_2_bar_x_negated*Fc_crank_2_bar_vy;
 
   // energy
   //   T = 1/2 sum of Z^T M Z,  P = sum of Z . Q + tau . rate + W . (Z - Z_p) of guided joints
@@ -125,6 +114,41 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
       (v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*(Real(0.08333333333333333) +
       (c_crank_0_bar_y*c_crank_0_bar_y + c_crank_0_bar_x_negated*c_crank_0_bar_x_negated))) + energy_1);
   const Real kinetic_energy = Real(0.5)*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*Mc_crank_2_bar_wz_wz) + (energy_2 + energy_3));
+  energy[0] = kinetic_energy; if (vdot == v) return;
+
+  // body: crank_0.bar, for the power
+  //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
+  //   four_bar.yaml:15
+  const Real crank_0_bar_1 = c_crank_0_bar_y*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_x_negated)) -
+      c_crank_0_bar_x_negated*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_y) - Real(9.81));
+
+  // body: coupler_1.bar, for the power
+  //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
+  //   four_bar.yaml:15
+  const Real coupler_1_bar_3 = Z_coupler_1_bar_wz*coupler_1_bar_2;
+  const Real coupler_1_bar_4 = Real(9.81) + Z_coupler_1_bar_wz*coupler_1_bar_1;
+
+  // body: crank_1.bar, for the power
+  //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
+  //   four_bar.yaml:15
+  const Real crank_1_bar_1 = c_crank_1_bar_y*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_x_negated)) -
+      c_crank_1_bar_x_negated*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_y) - Real(9.81));
+
+  // body: coupler_2.bar, for the power
+  //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
+  //   four_bar.yaml:15
+  const Real coupler_2_bar_3 = Z_coupler_2_bar_wz*coupler_2_bar_2;
+  const Real coupler_2_bar_4 = Real(9.81) + Z_coupler_2_bar_wz*coupler_2_bar_1;
+
+  // body: crank_2.bar, for the power
+  //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
+  //   four_bar.yaml:15
+  const Real Fc_crank_2_bar_vx_negated = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated);
+  const Real Fc_crank_2_bar_vy = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81);
+  const Real Fc_crank_2_bar_wz = c_crank_2_bar_y*Fc_crank_2_bar_vx_negated - c_crank_2_bar_x_negated*Fc_crank_2_bar_vy;
+
+  // energy, for the power
+  //   T = 1/2 sum of Z^T M Z,  P = sum of Z . Q + tau . rate + W . (Z - Z_p) of guided joints
   const Real energy_4 = v_crank_0_pin_angle_rate*crank_0_bar_1 + (bv_coupler_1_pin_vx*coupler_1_bar_3 -
       bv_coupler_1_pin_vy*coupler_1_bar_4 - Z_coupler_1_bar_wz*(c_coupler_1_bar_y*coupler_1_bar_3 +
       c_coupler_1_bar_x*coupler_1_bar_4));
@@ -133,7 +157,6 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real
       (v_crank_1_pin_angle_rate*crank_1_bar_1 + energy_4);
   const Real power = v_crank_2_pin_angle_rate*Fc_crank_2_bar_wz + energy_5;
 
-  energy[0] = kinetic_energy;  // kinetic
   energy[1] = power;  // power
 }
 

@@ -32,7 +32,7 @@ class FourBar {
   /// The reported columns.  4 operations.
   CUTJOINT_APART void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const;
 
-  /// Kinetic energy, and the power of all forces, guides and drives.  154 operations.
+  /// Kinetic energy, and, unless vdot is v itself, the power of all forces, guides and drives.  154 operations.
   CUTJOINT_APART void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const;
 
   /// The step of the speeds' integrals that removes violations of the cut joints with the least mass-weighted norm.  213 operations.

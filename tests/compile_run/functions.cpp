@@ -34,6 +34,9 @@ int main() {
     mechanism.constraint_residual(q.data(), v.data(), residual.data(), rate.data());
     mechanism.project(q.data(), residual.data(), dz.data());
     mechanism.report(q.data(), v.data(), vdot.data(), lambda.data(), columns.data());
-    for (const Numbers* result : {&vdot, &correction, &residual, &rate, &dz, &columns}) print(*result);
+    Numbers energy(2), kinetic(2, -1.0);
+    mechanism.energy(q.data(), v.data(), vdot.data(), lambda.data(), energy.data());
+    mechanism.energy(q.data(), v.data(), v.data(), lambda.data(), kinetic.data());
+    for (const Numbers* result : {&vdot, &correction, &residual, &rate, &dz, &columns, &energy, &kinetic}) print(*result);
   }
 }

@@ -92,9 +92,9 @@ def run_functions(source: Source, folder: Path, model: Model, scene: Scene, stat
         numbers += [s.t, *s.q, *[0.0] * more, *s.v, *[0.0] * more, *s.multipliers]
     text = " ".join(repr(float(x)) for x in numbers)
     lines = subprocess.run([folder / "functions"], input=text, check=True, capture_output=True, text=True).stdout.splitlines()
-    names = ("vdot", "correction", "residual", "rate", "dz", "columns")
+    names = ("vdot", "correction", "residual", "rate", "dz", "columns", "energy", "kinetic")
     rows = [np.array(line.split(), dtype=float) for line in lines]
-    return [dict(zip(names, rows[i : i + 6], strict=True)) for i in range(0, len(rows), 6)]
+    return [dict(zip(names, rows[i : i + 8], strict=True)) for i in range(0, len(rows), 8)]
 
 
 @cache

@@ -94,6 +94,7 @@ def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str, closed:
         for name, values in interpret(replace(equations, scene=scene), state).items():
             scale = max(1.0, float(np.abs(values).max(initial=0.0)))
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-9 * scale, name
+        assert list(results["kinetic"]) == [results["energy"][0], -1.0]  # without the power
 
 
 def test_a_second_compilation_is_found_in_the_cache() -> None:

@@ -45,7 +45,7 @@ _ABOUT = {
     "apply_jacobian_transposed": "Phi_q^T w.",
     "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
-    "energy": "Kinetic energy, and the power of all forces, guides and drives.",
+    "energy": "Kinetic energy, and, unless vdot is v itself, the power of all forces, guides and drives.",
     "sample": "The next discrete states of controllers.",
     POSES: "Position, rotation by columns, velocity, angular velocity and design point of each body, marker and contact.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",

@@ -1,7 +1,7 @@
 """Program -> views: the data that the templates print."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from textwrap import wrap
@@ -15,7 +15,7 @@ from cutjoint.formulate.records import Equations
 from cutjoint.ops import STANDARD
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.loops import TO, Rolled, roll
-from cutjoint.program.records import Program, Result
+from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 
 _NOTE = "  // "  #: the beginning of a statement's comment
@@ -23,6 +23,7 @@ LINE = 110  #: characters of a line of a generated expression
 #: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.
 LONG, PART = 4000, 1000
 _STORED_EARLY = frozenset({"residual_jacobian"})  #: functions with so many results that each is stored as soon as it is computed
+_ENDS_EARLY = {"energy": ("vdot == v", "for the power")}  #: functions that may end behind the first result: when, what the rest is for
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "numerics": ("stabilisation", ("penalty", "damping_ratio", "frequency")),
@@ -71,7 +72,7 @@ class Viewer:
         self._roads = road_names(equations.roads)
         self._inputs = self._input_names()
         self._stored = self._kept_names()
-        self._rolled = {f.name: roll(program, f, self._place) for f in program.functions}
+        self._rolled = {f.name: roll(program, _first_result_first(program.graph, f), self._place) for f in program.functions}
 
     def _input_names(self) -> dict[int, str]:
         names = {}
@@ -201,6 +202,8 @@ class Viewer:
             else:
                 before += printer.statements(part, uses)
         sections += self._sections(before, rolled.sections)
+        if name in _ENDS_EARLY:
+            sections = _with_end(sections, {place for stores in early.values() for place, _ in stores}, *_ENDS_EARLY[name])
         results = [f"{self._target(r, rolled.graph)} = {printer.text(r.scalar)};{self._note(r)}" for r in late]
         results += _stores(rolled, loops, printer)
         return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
@@ -209,12 +212,11 @@ class Viewer:
         self, name: str, rolled: Rolled, single: Sequence[int]
     ) -> tuple[Mapping[int, Sequence[tuple[str, int]]], Sequence[Result]]:  # fmt: skip
         """Results that are stored where their unsigned scalars are computed, by these, and those stored at the end of a function."""
-        if name not in _STORED_EARLY:
-            return {}, rolled.results
         early: defaultdict[int, list[tuple[str, int]]] = defaultdict(list)
+        most = len(rolled.results) if name in _STORED_EARLY else 1 if name in _ENDS_EARLY else 0
         late, found = [], set(single)
         for r in rolled.results:
-            if (bare := rolled.graph.signless(r.scalar)) in found:
+            if len(early) < most and (bare := rolled.graph.signless(r.scalar)) in found:
                 early[bare].append((self._target(r, rolled.graph), r.scalar))
             else:
                 late.append(r)
@@ -286,6 +288,23 @@ class Viewer:
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
             views.append(SectionView(part=0, title=section.title, notes=notes, statements=lines))
         return views
+
+
+def _first_result_first(graph: Graph, function: LoweredFunction) -> LoweredFunction:
+    """The function, if it may end early, with the statements in front that its first result needs."""
+    needed = set(graph.reachable([r.scalar for r in function.results[:1]])) if function.name in _ENDS_EARLY else set()
+    return replace(function, statements=tuple(sorted(function.statements, key=lambda n: n not in needed)))
+
+
+def _with_end(sections: Sequence[SectionView], stores: Collection[str], condition: str, purpose: str) -> list[SectionView]:
+    """Sections of a function that ends behind one of its stored results under a condition; later headings say what they are for."""
+    views: list[SectionView] = []
+    title = "{}"
+    for section in sections:
+        ends = [replace(s, expression=f"{s.expression}; if ({condition}) return") if s.name in stores else s for s in section.statements]
+        views.append(replace(section, statements=tuple(ends), title=title.format(section.title)))
+        title = title if tuple(ends) == section.statements else f"{{}}, {purpose}"
+    return views
 
 
 def _in_parts(sections: Sequence[SectionView]) -> list[SectionView]:

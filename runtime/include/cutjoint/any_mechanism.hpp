@@ -37,7 +37,7 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
-  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; only models that need it have it
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; the kinetic energy alone if vdot is v; only models that need it have it
   virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda, what controllers hold next; only models with controllers
   virtual void project(const Real* q, const Real* violation, Real* dz) const { (void)q, (void)violation, (void)dz, throw_no_projection(); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it

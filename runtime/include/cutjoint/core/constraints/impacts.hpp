@@ -103,8 +103,8 @@ class Struck {
   /// Kinetic energy; not called for a system in natural coordinates, which may have none.
   Real energy(const Coordinates<S>& q, const Speeds<S>& v) {
     Real energy[2] = {};
-    if constexpr (requires { subject_.energy(q.data(), v.data(), still_.data(), zero(), energy); })
-      subject_.energy(q.data(), v.data(), still_.data(), zero(), energy);
+    if constexpr (requires { subject_.energy(q.data(), v.data(), v.data(), zero(), energy); })
+      subject_.energy(q.data(), v.data(), v.data(), zero(), energy);
     return energy[0];
   }
 

@@ -61,7 +61,7 @@ class WithDynamics : public Base {
       std::array<double, n + 1> both{};
       const auto energy = [&](const double* v) {
         double found[2]{};
-        this->sim.mechanism().energy(state.q.data(), v, state.vdot.data(), state.lambda.data(), found);
+        this->sim.mechanism().energy(state.q.data(), v, v, state.lambda.data(), found);
         return found[0];
       };
       for (std::size_t i = 0; i < f; ++i) M[i * f + i] = 2.0 * energy(directions + i * n);

@@ -141,7 +141,7 @@ class EffectiveMasses {
   void measure_alone(const StateOf<M>& state) {
     const auto energy = [&](const Speeds<M>& v) {
       Real result[2]{};
-      mechanism_.energy(state.q.data(), v.data(), zero_speeds_.data(), violation_.data(), result);
+      mechanism_.energy(state.q.data(), v.data(), v.data(), violation_.data(), result);
       return result[0];
     };
     std::fill(alone_.begin(), alone_.end(), Real(0));

@@ -16,7 +16,7 @@ namespace cutjoint {
 ///   at rest, whose guides and drives stand still,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
-/// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
+/// - `report` the columns; generated code also has `energy`, the kinetic energy and, unless vdot is v itself, the power of all forces, guides and drives,
 /// - `project` the displacement (or velocity change) that removes given violations of the residual (or its rate) at least
 ///   cost in the metric of the masses: M dz + Phi_q^T mu = 0, Phi_q dz = -violation, up to the fraction that a finite penalty leaves; optional for one that
 ///   only starts runs, with the closure `penalty`.

@@ -65,8 +65,9 @@ class RestReactions {
 
   Real energy_of(const StateOf<M>& state, const Real* v) {
     Real energy[2]{};
-    for (std::size_t i = 0; i < n_; ++i) speeds_[i] = nominal(i) * v[i];
-    if constexpr (Weighable<M>) mechanism_.energy(state.q.data(), speeds_.data(), still_.data(), zero_.data(), energy);
+    const std::span<const double> nominals = scaled_nominals_of(mechanism_);
+    for (std::size_t i = 0; i < joint_speeds_; ++i) speeds_[i] = Real(size_at(nominals, i, n_)) * v[i];
+    if constexpr (Weighable<M>) mechanism_.energy(state.q.data(), speeds_.data(), speeds_.data(), zero_.data(), energy);
     return energy[0];
   }
 
@@ -79,18 +80,16 @@ class RestReactions {
     squares.solve(b_.data(), x_.data(), scratch_.data());
   }
 
-  /// N: velocities of each independent speed with the loops closed, orthogonalised against those before.
+  /// N: velocities of each independent speed with the loops closed, orthogonalised against those before; first-order states move no mass.
   void find_directions(const StateOf<M>& state) {
     dofs_ = 0;
     find_jacobian(state);
     std::copy(jacobian_.begin(), jacobian_.end(), right_.begin());
-    dense::LeastSquares<Real> squares({right_.data(), m_, n_}, order_.data(), left_.data(), beside_.data());
+    dense::LeastSquares<Real> squares({right_.data(), m_, joint_speeds_}, order_.data(), left_.data(), beside_.data());
     std::size_t rank = 0;
-    if (m_ > 0 && n_ > 0) squares.decompose(least()), rank = squares.rank();
-    for (std::size_t place = 0; place < n_; ++place) {
-      if (place < rank) continue;
+    if (m_ > 0 && joint_speeds_ > 0) squares.decompose(least()), rank = squares.rank();
+    for (std::size_t place = rank; place < joint_speeds_; ++place) {
       const std::size_t own = m_ > 0 ? squares.column_at(place) : place;
-      if (own >= joint_speeds_) continue;  // first-order states move no mass
       std::copy_n(jacobian_.data() + own * m_, m_, b_.begin());
       std::fill(x_.begin(), x_.end(), Real(0));
       if (m_ > 0) squares.solve(b_.data(), x_.data(), scratch_.data());
@@ -105,7 +104,7 @@ class RestReactions {
     if (m_ == 0) return;
     mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), at_rest_.data());
     std::fill(sum_.begin(), sum_.end(), Real(0));
-    for (std::size_t j = 0; j < n_; ++j) {
+    for (std::size_t j = 0; j < joint_speeds_; ++j) {
       sum_[j] = nominal(j);
       mechanism_.constraint_residual(state.q.data(), sum_.data(), residual_.data(), rate_.data());
       sum_[j] = Real(0);
@@ -121,9 +120,9 @@ class RestReactions {
       Real energy(0.5);
       for (std::size_t k = 0; k < dofs_; ++k) {
         const Real* other = N_.data() + k * n_;
-        for (std::size_t i = 0; i < n_; ++i) sum_[i] = column[i] + other[i];
+        for (std::size_t i = 0; i < joint_speeds_; ++i) sum_[i] = column[i] + other[i];
         const Real share = energy_of(state, sum_.data()) - Real(0.5) - energy;
-        for (std::size_t i = 0; i < n_; ++i) column[i] -= share * other[i];
+        for (std::size_t i = 0; i < joint_speeds_; ++i) column[i] -= share * other[i];
         energy -= share * share / 2;
       }
       again = energy < Real(0.25);
@@ -137,7 +136,7 @@ class RestReactions {
     using std::sqrt;
     const Real energy = energy_of(state, column);
     if (!(energy > more_than)) return false;
-    for (std::size_t i = 0; i < n_; ++i) column[i] /= sqrt(2 * energy);
+    for (std::size_t i = 0; i < joint_speeds_; ++i) column[i] /= sqrt(2 * energy);
     return true;
   }
 
