@@ -86,6 +86,7 @@ FORMS = "write one of rotation_vector, euler and quaternion"
     ("written", "expected"),
     [
         ("{quaternion: §[1, 0, 0, 1]}", f"{GIVEN} the quaternion has the length 1.41421; {UNIT}"),
+        ("{quaternion: §[0, 0, 0, 0]}", f"{GIVEN} the quaternion has the length 0; {UNIT}"),  # SymPy's of a half turn
         ("§{quaternion: [1, 0, 0, 0], euler: [0, 0, 0], order: xyz}", f"{FIELD} has euler and quaternion; {FORMS}"),
         ("§{order: xyz}", f"{FIELD} has no attitude; {FORMS}"),
         ("§{euler: [0, 0, 0]}", f"{FIELD}: 'euler' and 'order' belong together; {EXAMPLE}"),
