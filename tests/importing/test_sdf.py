@@ -73,6 +73,9 @@ def test_a_gearbox_relates_turns_about_its_reference(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ('relative_to="crank"', 'relative_to="nowhere"', "placed relative to 'nowhere', which is not there"),
+        ("<inertial><mass>2</mass>", '<inertial auto="true"><density>2</density>', "takes mass and inertia from collisions"),
+        ("<inertial><mass>2</mass>", "<gravity>0</gravity><inertial><mass>2</mass>", "<gravity>: is '0'"),
+        ("<inertial><mass>2</mass>", "<kinematic>true</kinematic><inertial><mass>2</mass>", "<kinematic>: is 'true'"),
         ('relative_to="crank"', 'relative_to="end"', "placed relative to itself"),
         ("<child>rod</child>", "<child>rot</child>", "names the link 'rot', which is not there"),
         ('name="j1" type="revolute"', 'name="j1" type="universal"', "is of type 'universal'"),
@@ -121,7 +124,8 @@ PENDULUM = (
 def test_all_models_of_a_world_are_taken_or_one_by_its_name(tmp_path: Path) -> None:
     """The second model stands a quarter turn about z on, so that its hinge's y is the world's -x."""
     second = f'<model name="b"><pose relative_to="here">0 0 0 0 0 1.5707963267948966</pose>{PENDULUM}</model>'
-    ground = f'<model name="floor"><static>1</static><link name="slab">{MASS}</link></model>'
+    slab = '<link name="slab"><gravity>0</gravity><inertial auto="true"/></link>'  # has no motion that its mass could change
+    ground = f'<model name="floor"><static>1</static>{slab}</model>'
     first, here = f'<model name="a"><pose>0 0 3 0 0 0</pose>{PENDULUM}</model>', '<frame name="here"><pose>0 0 2 0 0 0</pose></frame>'
     tie = '<joint name="tie" type="ball"><parent>a::arm</parent><child>b::tip</child></joint>'
     text = f'<sdf version="1.11"><world name="w">{here}{ground}{first}{second}TIE</world></sdf>'

@@ -93,7 +93,7 @@ class _Assembly:
             if name == _WORLD:
                 node.refuse("has the name of the world", "give it another name")
             if node.tag == "link":
-                self._robot.links[name] = _link(node, name)
+                self._robot.links[name] = _link(node, name, still=still)
         for inner in model.all("model"):
             self._add_model(inner, scope, f"{prefix}{inner.name()}::")
 
@@ -268,9 +268,14 @@ def _number(node: Node, tag: str, default: float) -> float:
     return found.numbers(found.text, 1)[0] if found else default
 
 
-def _link(node: Node, name: str) -> Link:
+def _link(node: Node, name: str, *, still: bool) -> Link:
     link = Link(name, node)
+    for tag, usual in (("gravity", ("", "1", "true")), ("kinematic", ("", "0", "false"))) if not still else ():
+        if (given := node.find(tag)) and given.text.strip().lower() not in usual:
+            given.refuse(f"is '{given.text.strip()[:20]}', which has no counterpart here", "leave it out")
     if inertial := node.find("inertial"):
+        if not still and (inertial.get("auto") or "").strip() in ("1", "true"):
+            inertial.refuse("takes mass and inertia from collisions ('auto'), which are not read", "write mass, pose and inertia out")
         at, moments = _pose(inertial), inertial.find("inertia")
         link.mass = _number(inertial, "mass", 1.0)
         own = np.eye(3)
