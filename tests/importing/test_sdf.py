@@ -94,6 +94,20 @@ def test_faults_are_reported(tmp_path: Path, old: str, new: str, message: str) -
         read_model(written(tmp_path, FOUR_BAR.replace(old, new)))
 
 
+@pytest.mark.parametrize(
+    ("written_out", "mass", "inertia"),
+    [
+        ("<inertial><mass>3</mass></inertial>", 3, [1, 1, 1]),
+        ("<inertial><inertia><ixx>0.1</ixx><iyy>0.2</iyy></inertia></inertial>", 1, [0.1, 0.2, 1]),
+        ("<gravity>true</gravity><kinematic>0</kinematic><inertial auto='false'/>", 1, [1, 1, 1]),
+    ],
+)
+def test_numbers_left_out_are_those_of_the_format(tmp_path: Path, written_out: str, mass: float, inertia: list[float]) -> None:
+    model = read_model(written(tmp_path, FOUR_BAR.replace("<inertial><mass>2</mass></inertial>", written_out)))
+    (crank,) = (body for body in model.bodies if body.name == "crank")
+    assert (float(crank.mass), [float(moment) for moment in crank.inertia[:3]]) == (mass, inertia)
+
+
 def test_gravity_of_a_world_counts(tmp_path: Path) -> None:
     world = '<world name="w"><gravity>0 0 -1.6</gravity>'
     text = FOUR_BAR.replace("<model", f"{world}<model").replace("</sdf>", "</world></sdf>")
