@@ -15,9 +15,8 @@ from cutjoint import find_equilibrium, find_modes, read_model_text
 from cutjoint.cli import main
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import require_same_start, trimmed
+from cutjoint.run.run_file import start_follows_from, trimmed
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import simulate_batch
 from tests.mechanisms.trims import FIVE_BAR, MOTOR, OIL, SLED, SPRING
@@ -200,9 +199,8 @@ def test_bounds_of_a_coordinate_that_is_drawn_elsewhere() -> None:
         assert found_by(text.replace("ENDS", ends))["hinge.angle"] == pytest.approx(sign * angle, rel=1e-9)
 
 
-def test_sweeps_vary_what_the_start_does_not_follow_from() -> None:
-    model = read_model_text(SLED.replace("outputs:", "  spare: {start: 0, rate: -gain*spare}\noutputs:").replace(
+def test_rows_of_sweeps_share_a_start_that_does_not_follow_from_what_varies() -> None:
+    model = read_model_text(SLED.replace("outputs:", "signals: {shown: gain*way.displacement_rate}\noutputs:").replace(
         "  target:", "  gain: {value: 1, unit: Hz, binding: param}\n  target:"), "m.yaml")  # fmt: skip
-    require_same_start(model, model.scenes["steady"], [])
-    with pytest.raises(RunError, match="its start is trimmed once, and follows from the parameter 'target'; use cutjoint batch"):
-        require_same_start(model, model.scenes["steady"], ["target"])
+    assert start_follows_from(model, model.scenes["steady"], ["gain"]) == ""
+    assert start_follows_from(model, model.scenes["steady"], ["gain", "target"]) == "target"

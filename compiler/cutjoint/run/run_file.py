@@ -270,9 +270,8 @@ def describe_nearest(model: Model, scene: Scene, parameters: Mapping[str, float]
     return nearest
 
 
-def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
-    """Check that a start solved once is valid for all runs: it must not depend on the ``changed`` tunable parameters.
-    Raises RunError: one has."""
+def start_follows_from(model: Model, scene: Scene, changed: Sequence[str]) -> str:
+    """The first of the ``changed`` tunable parameters on which a start depends that is solved once; "" for none."""
     values, parts = parameter_values(model, {}), sources_of_parts(model, scene)
     read = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
     if scene.trim is not None:
@@ -282,9 +281,8 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
         numbers = make_trim_problem(model, scene, {}) if scene.trim else values
         if name in used or (name in values and formulated_start(model, scene).follows(name, numbers)):
-            words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
-            reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
-            raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
+            return name
+    return ""
 
 
 def formulated_start(model: Model, scene: Scene) -> Any:
@@ -292,9 +290,10 @@ def formulated_start(model: Model, scene: Scene) -> Any:
     from cutjoint.analysis.aims import AimedStart  # imported here because other starts do not need it
     from cutjoint.analysis.trims import TrimmedStart
 
-    if not any(model is known and scene == of for known, of, _ in _LAST):
-        _LAST[:] = [(model, scene, (AimedStart if scene.trim is None else TrimmedStart)(model, scene))]
-    return _LAST[0][2]
+    start = next((start for known, of, start in [*_LAST] if model is known and scene == of), None)
+    if start is None:
+        _LAST[:] = [(model, scene, start := (AimedStart if scene.trim is None else TrimmedStart)(model, scene))]
+    return start  # threads may have set another meanwhile
 
 
 def _require_masses(model: Model, value: "Evaluator") -> None:

@@ -26,7 +26,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.lower import Lowering
 from cutjoint.program.records import Program
-from cutjoint.run.run_file import changing_parts, require_same_start, sources_of_parts
+from cutjoint.run.run_file import changing_parts, sources_of_parts, start_follows_from
 from cutjoint.run.scenes import with_default_closure
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
@@ -42,14 +42,15 @@ _MOST_ROWS = 10_000_000
 
 
 def with_runs(
-    standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
+    standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]],
+    variables: Sequence[Variable],
 ) -> Standalone:  # fmt: skip
     """A C export whose library also runs a study, in lanes if possible; ``names``: its parameters, inputs, coordinates and speeds.
     Raises RunError: the library has no place for something that the study changes."""
     show = _printer(study.model, columns, names)
-    p, calls = standalone.name, _calls(standalone.name, study.variables, names)
+    p, calls = standalone.name, _calls(standalone.name, variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
-        p=p, P=p.upper(), lanes=standalone.lanes, variables=study.variables, unit_bound=UNIT_BOUND,
+        p=p, P=p.upper(), lanes=standalone.lanes, variables=variables, unit_bound=UNIT_BOUND,
         series=[show(s.value) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
         following=list(_following(p, study, scene, show, names)),
@@ -82,8 +83,10 @@ def _following(p: str, study: Study, scene: Scene, show: Callable[[Scalar], str]
     if "roads" in changing_parts(model, scene) and any(moving & f.radius.free_symbols for f in model.forces if f.has_road):
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
-    require_same_start(model, scene, sorted(changed))
-    kinds = (Kind.POSITION, Kind.RATE, Kind.INPUT) if scene.trim else (Kind.POSITION,)
+    if not scene.trim and (name := start_follows_from(model, scene, sorted(changed))):
+        reason = f"scene '{scene.name}': its start is assembled once, and follows from the parameter '{name}'"
+        raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which assembles each run's")
+    kinds = (Kind.POSITION, Kind.RATE) if scene.trim else (Kind.POSITION,)
     if (scene.trim or scene.assemble) and (held := next((v for v in study.variables if v.kind in kinds), None)):
         reason = f"scene '{scene.name}' {'trims' if scene.trim else 'assembles'} its start"
         raise RunError(f"{held.span}: {held.kind} '{held.name}': {reason}; vary parameters of that by cutjoint batch")
@@ -154,12 +157,24 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
         "parameter": [p.name for p in equations.parameters], "input": [p.name for p in input_parameters(study.model)],
         "coordinate": start.coordinate_names, "speed": start.speed_names,
     }  # fmt: skip
-    ready = with_runs(standalone, study, scene, equations.columns, names)
+    starts = _starts(study, scene, names)
+    ready = with_runs(standalone, study, scene, equations.columns, names, (*study.variables, *starts))
     return Kernel(
         model=standalone.name, scene=scene.name, source=ready.library.digest,
         content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
         series=len(study.series), rows=rows, row_step=row_step, steps=standalone.settings,
+        starts=tuple(v.name for v in starts),
     )  # fmt: skip
+
+
+def _starts(study: Study, scene: Scene, names: Mapping[str, Sequence[str]]) -> list[Variable]:
+    """What a trim finds for each run; nothing where all runs begin at the same start."""
+    changed = {v.name: v.kind for v in study.variables}
+    if scene.trim is None or not (Kind.INPUT in changed.values() or start_follows_from(study.model, scene, sorted(changed))):
+        return []
+    found = {kind: [u.name for u in scene.trim.find if u.kind == kind] for kind in ("parameter", "input")}
+    every = {Kind.PARAMETER: found["parameter"], Kind.INPUT: found["input"], Kind.POSITION: names["coordinate"], Kind.RATE: names["speed"]}
+    return [Variable(name=name, kind=kind, unit="", span=scene.trim.span) for kind, of in every.items() for name in of]
 
 
 def _count_rows(scene: Scene, standalone: Standalone) -> tuple[int, float]:

@@ -95,7 +95,7 @@ class Kernel:
     """The runs of a study in one scene as a library.
 
     ``content`` is the library, in which so many ``lanes`` at most go side by side (1: one by one), or a part of that number. A run has
-    ``rows`` rows, ``row_step`` (s) apart, and takes the ``steps`` of an integrator.
+    ``rows`` rows, ``row_step`` (s) apart, and takes the ``steps`` of an integrator. ``starts``: numbers of a trim behind a run's values.
     """
 
     model: str
@@ -108,6 +108,7 @@ class Kernel:
     rows: int
     row_step: float
     steps: StepSettings
+    starts: tuple[str, ...] = ()
 
     @cached_property
     def digest(self) -> str:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from importlib.metadata import version
 from itertools import islice
@@ -35,7 +35,7 @@ from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
-from cutjoint.sweeps.tasks import Tasks
+from cutjoint.sweeps.tasks import Tasks, find_trimmed_start
 from cutjoint.sweeps.work import Chunk, Threads, Work, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
@@ -155,9 +155,12 @@ def perform_study(
     if scheduler is not None:
         require_scheduler(scheduler)
     kernels = build_kernels(study)
+    starts = partial(find_trimmed_start, study, kernels) if any(kernel.starts for kernel in kernels) else None
+    if scheduler is not None and starts is not None:
+        raise RunError("starts of runs are trimmed on this machine: leave out the scheduler")
     work = Work(
         kernels=kernels, has_scenes=any(v.kind is Kind.SCENE for v in study.variables), objectives=study.objectives,
-        trajectories=study.trajectories, every=study.every, tasks=Tasks(study).find if has_tasks else None,
+        trajectories=study.trajectories, every=study.every, tasks=Tasks(study).find if has_tasks else None, starts=starts,
     )  # fmt: skip
     return make_table(study, work, make_manifest(study, kernels), out, scheduler, threads, progress, note)
 

@@ -14,9 +14,11 @@ from cutjoint.analysis.modes import Mode
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
+from cutjoint.run.run_file import find_trim
 from cutjoint.stepping.response import find_scene_linear_model
 from cutjoint.stepping.state_space import LinearModel
 from cutjoint.sweeps.document import REDUCTIONS
+from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Kind, Objective, Study, TaskRequest
 from cutjoint.tasks.inverse import InverseDynamics
@@ -211,6 +213,19 @@ class Tasks:
     def find(self, scene: int, values: Array) -> dict[int, float]:
         """The objectives of tasks, by their places, of a run with values (variables,) in a scene.
         Raises CutjointError: a task has no result."""
-        settings = {v.name: float(values[i]) for i, v in enumerate(self._study.variables) if v.kind in (Kind.PARAMETER, Kind.INPUT)}
+        settings = _settings(self._study, values)
         results = {one: task(settings) for one, task in self._made[scene].items()}
         return {i: results[o.asked].reduce(o) for i, o in enumerate(self._objectives) if o.asked is not None}
+
+
+def _settings(study: Study, values: Array) -> dict[str, float]:
+    return {v.name: float(values[i]) for i, v in enumerate(study.variables) if v.kind in (Kind.PARAMETER, Kind.INPUT)}
+
+
+def find_trimmed_start(study: Study, kernels: Sequence[Kernel], scene: int, values: Array) -> Array:
+    """The values of a run in a scene with what its trim finds. Raises RunError: there is no such start."""
+    if not kernels[scene].starts:
+        return values
+    found = find_trim(study.model, study.scenes[scene], _settings(study, values))[2]
+    numbers = {**found.unknowns, **found.coordinates, **found.rates, **found.states}
+    return np.append(values, [numbers[name] for name in kernels[scene].starts])

@@ -58,7 +58,8 @@ class Work:
     """The work on each run of a study.
 
     A run's library is chosen by the number of the scene, the first of its values where ``has_scenes``.  ``objectives`` and ``trajectories``
-    are made of its series.  ``tasks`` gives the objectives of other tasks, by their places, of a scene's number and values (variables,).
+    are made of its series.  ``tasks`` gives the objectives of other tasks, by their places, of a scene's number and values (variables,),
+    ``starts`` what a trim adds to these.
     """
 
     kernels: tuple[Kernel, ...]
@@ -67,6 +68,7 @@ class Work:
     trajectories: tuple[int, ...]
     every: int
     tasks: Callable[[int, Array], Mapping[int, float]] | None = None
+    starts: Callable[[int, Array], Array] | None = None
 
     def perform(self, chunk: Chunk) -> Rows:
         """The rows of a chunk. Raises OSError: a library cannot be loaded here."""
@@ -78,18 +80,20 @@ class Work:
         begins = np.array([failure is None for failure in failures])
         longest = max((len(self._kept_rows(kernel)) for kernel in self.kernels), default=0)
         shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
-        if self.tasks is not None:
-            for run in np.flatnonzero(begins):
+        begun = list(values)
+        if self.tasks is not None or self.starts is not None:
+            for run in np.flatnonzero(begins).tolist():
                 try:
-                    found = self.tasks(int(scenes[run]), values[run])
+                    found = self.tasks(int(scenes[run]), values[run]) if self.tasks is not None else {}
                     objectives[run, list(found)] = list(found.values())
+                    begun[run] = values[run] if self.starts is None else self.starts(int(scenes[run]), values[run])
                 except (CutjointError, ValueError, np.linalg.LinAlgError) as error:
                     failures[run] = " ".join(str(error).split())
         begins = np.array([failure is None for failure in failures])
         for number in np.unique(scenes[begins]) if self.kernels else ():
             kernel, places = self.kernels[number], np.flatnonzero(begins & (scenes == number))
             for at in np.split(places, range(self._runs_per_chunk(kernel), len(places), self._runs_per_chunk(kernel))):
-                left = kernel.run(values[at])
+                left = kernel.run(np.array([begun[run] for run in at]))
                 self._reduce(kernel, left, objectives, at)
                 times[at] = left.times
                 for run, failure in left.failures.items():
