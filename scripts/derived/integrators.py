@@ -17,7 +17,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ASKED: Mapping[str, Callable[[Integrator], bool]] = {
     "recursive": lambda i: "recursive" in i.methods,
     "lagrangian": lambda i: any(METHODS[name].has_system for name in i.methods),
-    "batch": lambda i: i.batch,
     "generic": lambda i: i.has_generic,
 }
 

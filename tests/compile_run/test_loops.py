@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from cutjoint.compile.derivation import derive
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.simulator import emit_batch
+from cutjoint.emit.classes import LANES
 from cutjoint.emit.source import Source
-from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import runtime_folder
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.toolchain.build import write_source
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint_bench.driver import QUAD
 from tests.mechanisms.chains import pendulums_in_a_row
+from tests.mechanisms.sources import source_of_batch
 
 LINKS = 12
 REALS = {
     "double": ["-DCUTJOINT_REAL=double"], "extended": ["-DCUTJOINT_REAL=long double"],
     "quad": ["-DCUTJOINT_REAL=cutjoint::Quad", "-include", str(QUAD.folder / QUAD.record.header), "-isystem", "/usr/include/eigen3"],
-    "batch": ["-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/real.hpp"],
+    "batch": [f"-DCUTJOINT_REAL={LANES}", "-include", "cutjoint/core/mechanism/instances.hpp"],
 }  # fmt: skip
 
 
@@ -74,6 +74,6 @@ def written(text: str, method: str, real: str) -> Source:
     model = read_model_text(text, "row.yaml")
     scene = find_scene(model, "swing")
     if real == "batch":
-        equations = derive(model, scene, ())
-        return emit_batch(schedule_recursive(equations, lanes=False), equations)
+        source = source_of_batch(model, with_closure(scene, "penalty"), ())[1]
+        return replace(source, files={name: code for name, code in source.files.items() if name.startswith("side_by_side/")})
     return generate(model, scene, (), method=method, lanes=real == "double")[2]

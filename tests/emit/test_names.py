@@ -9,23 +9,23 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.compile.derivation import derive
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.simulator import emit_batch
+from cutjoint.emit.classes import LANES
 from cutjoint.emit.source import name_of_mechanism, name_of_system
-from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import runtime_folder
+from cutjoint.run.scenes import with_closure
 from cutjoint.toolchain.build import write_text
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import MODELS, needs_cpp
+from tests.mechanisms.sources import source_of_batch
 from tests.reduce.test_rolling import CART
 
 FOUR_BAR = (MODELS / "four_bar.yaml").read_text(encoding="utf-8")
 
 #: Flags for code of several instances of the mechanism of a batch.
-_BATCH = ("-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/real.hpp")
+_BATCH = (f"-DCUTJOINT_REAL={LANES}", "-include", "cutjoint/core/mechanism/instances.hpp")
 
 
 def files_of(text: str, kind: str) -> Mapping[str, str]:
@@ -34,8 +34,7 @@ def files_of(text: str, kind: str) -> Mapping[str, str]:
     scene = next(iter(model.scenes.values()))
     if kind != "batch":
         return generate(model, scene, scene.outputs, method=kind)[2].files
-    equations = derive(model, scene, scene.outputs).starting
-    return emit_batch(schedule_recursive(equations, lanes=False), equations).files
+    return source_of_batch(model, with_closure(scene, "penalty"), scene.outputs)[1].files
 
 
 def named(name: str, kind: str) -> Mapping[str, str]:
@@ -44,11 +43,14 @@ def named(name: str, kind: str) -> Mapping[str, str]:
 
 def libraries(files: Mapping[str, str], kind: str) -> list[tuple[list[str], tuple[str, ...]]]:
     """The sources of CMake's targets, with the options of each."""
+    if kind == "batch":
+        code = [name for name in files if name.endswith(".cpp") and "unity" not in name]
+        beside = [name for name in code if name.startswith("side_by_side/")]
+        return [(["interface.cpp"], ()), ([name for name in code if name not in (*beside, "interface.cpp")], ()), (beside, _BATCH)]
     project = files["CMakeLists.txt"]
     lists = (project.partition(f"set({name}")[2].partition(")\n")[0] for name in ("starting", "running"))
     start, system = (re.findall(r"[\w/]+\.cpp", found) for found in lists)
-    batch = [(start, _BATCH)] if kind == "batch" else []
-    return [(start, ()), (["main.cpp"], ()), *([(system, ())] if system else []), *batch]
+    return [(start, ()), (["main.cpp"], ()), *([(system, ())] if system else [])]
 
 
 def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
@@ -138,7 +140,7 @@ def test_no_class_hides_a_name_that_generated_code_uses(kind: str) -> None:
     declared = set(re.findall(r"^\s*(?:class|struct|using|enum class|concept) ([A-Z]\w*)", headers, re.M))
     used = set()
     for name, text in named("thing", kind).items():
-        if name.endswith(".hpp") or (name.endswith(".cpp") and not name.startswith(("system_", "factor", "solve", "main"))):
+        if name.endswith(".hpp") or (name.endswith(".cpp") and not name.startswith(("system_", "factor", "solve", "main", "interface"))):
             used |= set(re.findall(r"(?<![\w.:])[A-Z]\w*", re.sub(r'//.*|"[^"]*"', "", text))) & declared
     assert {"Stabilisation", "Precision"} <= used
     for name in used:

@@ -22,16 +22,17 @@ from pathlib import Path
 from typing import Any
 
 import cutjoint
-from cutjoint.compile.derivation import derive
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.simulator import emit_batch
-from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.emit.source import Source
 from cutjoint.methods import METHODS, PRECISIONS
 from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
+from cutjoint.program.records import Program
 from cutjoint.reduce.sequence import STEPS
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.tasks.batch_library import with_batch
 from cutjoint.toolchain.build import write_source
 from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching
 
@@ -150,12 +151,17 @@ def _all_random() -> dict[str, Callable[[], Subjects]]:
 # Code
 
 
+def source_of_batch(model: Model, scene: Scene, outputs: Sequence[Output]) -> tuple[Program, Source]:
+    """Program of several instances and source of the library of a batch."""
+    standalone = make_standalone(generate(model, scene, outputs), integrator="trapezoidal", side_by_side=True)
+    assert standalone.parts.side_by_side is not None
+    return standalone.parts.side_by_side, with_batch(standalone).library
+
+
 def generate_case(model: Model, scene: Scene, variant: str, precision: str) -> tuple[Any, Any]:
     """Program and source."""
     if variant == "batch":
-        equations = derive(model, scene, scene.outputs).starting
-        program = schedule_recursive(equations, lanes=False)
-        return program, emit_batch(program, equations)
+        return source_of_batch(model, with_closure(scene, "penalty"), scene.outputs)
     if variant == "proximal":
         scene, variant = replace(scene, numerics=replace(scene.numerics, closure="proximal")), "recursive"
     _, program, source = generate(model, scene, scene.outputs, method=variant, lanes=True, precision=precision)

@@ -66,9 +66,9 @@ def test_a_warm_driver_serves_every_cache(installation: Path, site: Site, monkey
 
 
 def test_drivers_of_several_flags_and_kinds_stand_side_by_side(installation: Path, site: Site) -> None:
-    for kind, flags in (("recursive", ()), ("recursive", ("-O1",)), ("batch", ()), ("recursive", ())):
+    for kind, flags in (("recursive", ()), ("recursive", ("-O1",)), ("lagrangian", ()), ("recursive", ())):
         warm(kind, flags=flags)
-    assert site.log == ["driver recursive ", "driver recursive -O1", "driver batch "]
+    assert site.log == ["driver recursive ", "driver recursive -O1", "driver lagrangian "]
 
 
 def test_drivers_of_another_version_are_removed(installation: Path, site: Site) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.commands.preparing import read_request
-from cutjoint.compile.prepared import Request
+from cutjoint.compile.prepared import Request, find_cached, put_into_cache
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError, plural
@@ -14,9 +14,11 @@ from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
 from cutjoint.run.failures import count_failures, describe_failures
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.reading import file_digests
 from cutjoint.run.results import Batch
 from cutjoint.run.settings import Options, with_options
-from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
+from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, facts_of, simulate_batch
+from cutjoint.toolchain.compiler import must_interpret
 
 
 @table.command("batch")
@@ -32,10 +34,11 @@ def command(
     require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
     parameters = options.read_parameters(changes)
     requested = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
-    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions))
+    request = Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions, options=requested)
+    read, chosen, by = read_request(replace(request, options=Options()))
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
-    done = _run(requested, read, _with_options(chosen, by, requested), parameters, _cases(cases, read, parameters), threads, out)
+    done = _run(request, read, _with_options(chosen, by, requested), parameters, _cases(cases, read, parameters), threads, out)
     _report_failures(done, cases, out)
 
 
@@ -53,12 +56,22 @@ def _cases(path: Path, model: Model, parameters: Mapping[str, float]) -> list[di
     return cases
 
 
+def _compile(request: Request, model: Model, scene: Scene) -> BatchArtifact:
+    """The batch of a request, from the cache if it is there."""
+    found = find_cached(request, "batches", lambda known: compile_scene_batch(model, scene, known=known))
+    artifact = compile_scene_batch(model, scene) if found is None else found
+    if found is None and artifact.model is model and not must_interpret():  # nothing was taken out, trimmed or embedded
+        put_into_cache(request, model.text, "batches", {**facts_of(artifact), "files": file_digests(model)})
+    return artifact
+
+
 def _run(
-    requested: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
     out: Path,
 ) -> Batch:  # fmt: skip
+    requested = request.options
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_scene_batch(model, scene)
+        artifact = _compile(request, model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
         done = simulate_batch(
             artifact, [{**parameters, **case} for case in cases], dt=requested.dt, end=requested.end, tolerance=requested.tolerance,

@@ -9,13 +9,13 @@ a simulator by its name in the cache.
 import codecs
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
 from cutjoint.package.errors import CutjointError, ToolchainError
@@ -31,6 +31,8 @@ from cutjoint.toolchain.origins import LARGEST, code_digest, digests_of, version
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Plot
+
+_Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,26 +94,36 @@ def _has_other_unit(value: float, unit: str) -> bool:
 
 def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
     """The cached run for this request and the present files, with parameters (SI units) changed; None if there is none."""
-    if not _can_be_read_again(request):
-        return None
-    try:
-        with request.model.open("rb") as stream:
-            content = stream.read(LARGEST).removeprefix(codecs.BOM_UTF8)
-        record = read_record(_cache_path(request, content))
-        prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
-    except (OSError, CutjointError, PackageNotFoundError, ValueError):
-        return None  # errors are reported when the run is prepared anew
+    prepared = find_cached(request, "runs", _from_json)
     if prepared is None or not prepared.accepts(parameters, request.options.targets) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
 
 
+def find_cached(request: Request, kind: str, read: Callable[[Any], _Read]) -> _Read | None:
+    """What ``read`` makes of the cached record of a kind for this request and the present files; None if there is none."""
+    if not _can_be_read_again(request):
+        return None
+    try:
+        with request.model.open("rb") as stream:
+            content = stream.read(LARGEST).removeprefix(codecs.BOM_UTF8)
+        record = read_record(_cache_path(request, content, kind))
+        return None if record is None or digests_of(record["files"]) != record["files"] else read(record)
+    except (OSError, CutjointError, PackageNotFoundError, ValueError):
+        return None  # errors are reported when the run is prepared anew
+
+
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
     """Cache a run prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
+    put_into_cache(request, text, "runs", _as_json(prepared))
+
+
+def put_into_cache(request: Request, text: str, kind: str, record: Mapping[str, Any]) -> None:
+    """Cache a record of a kind, which follows from the text of a model and has the digests of its files."""
     if request.functions is not None and not _can_be_read_again(request):
         return
     with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
-        write_record(_cache_path(request, text.encode()), _as_json(prepared))
+        write_record(_cache_path(request, text.encode(), kind), record)
 
 
 def _can_be_read_again(request: Request) -> bool:
@@ -119,11 +131,11 @@ def _can_be_read_again(request: Request) -> bool:
     return request.model.is_file() and (request.functions is None or request.functions.is_file())
 
 
-def _cache_path(request: Request, content: bytes) -> Path:
+def _cache_path(request: Request, content: bytes, kind: str) -> Path:
     code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
     requested = {**asdict(request), "model": str(request.model), "functions": code}
     about = [sha256(content).hexdigest(), requested, *build_provenance(), *_extension_digests(request)]
-    return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
+    return cache_folder() / kind / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 
 
 def _extension_digests(request: Request) -> tuple[str, ...]:
@@ -147,6 +159,13 @@ def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 
 
+def place_in_cache(name: str, product: str) -> Path:
+    """The place of a simulator or library of a name in the cache."""
+    if not all(re.fullmatch(r"[\w.-]+", each) for each in (name, product)) or ".." in (name, product):
+        raise ValueError("a simulator has a name in the cache, not a path")
+    return cache_folder() / name / product
+
+
 def _plot(data: Mapping[str, Any]) -> "Plot":
     from cutjoint.model.records import Plot
 
@@ -155,15 +174,13 @@ def _plot(data: Mapping[str, Any]) -> "Plot":
 
 def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     run, compilation = data["run"], data["compilation"]
-    if not re.fullmatch(r"[\w-]+", run["simulator"]):
-        raise ValueError("a simulator has a name in the cache, not a path")
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
         dependent_parts=tuple(data["dependent_parts"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
         plots=tuple(_plot(plot) for plot in data["plots"]), display=tuple(data["display"]),
         run=SimulatorRun(**{
-            **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
+            **run, "simulator": place_in_cache(run["simulator"], "simulator"), "run_file": RunFile.of(run["run_file"]),
             "others": [Settings.of(other) for other in run["others"]],
         }),
     )  # fmt: skip

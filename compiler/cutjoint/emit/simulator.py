@@ -9,7 +9,6 @@ from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.states import describe_controllers
-from cutjoint.model.expressions.functions import SUPPLIED_FILE
 from cutjoint.model.records import EmbeddedLoop, Guard, Parameter
 from cutjoint.program.records import Program
 
@@ -25,16 +24,6 @@ def emit(program: Program, equations: RecursiveEquations) -> Source:
     return page.source({**files, **main, **_project(page, "recursive", files)}, driver="recursive")
 
 
-def emit_batch(program: Program, equations: RecursiveEquations) -> Source:
-    """The simulator of a batch: a real may hold several instances side by side, and a condition a mask."""
-    page = Page.of(equations, "recursive")
-    files = _mechanism_files(page, program, equations, conditions="Mask")
-    main = _main(page, [f"{page.header}.hpp"], "batch", running=f"GeneratedMechanism<generated::{page.class_name}<batch::Real>>")
-    running = {name: text for name, text in files.items() if not name.startswith(_DESCRIPTION) and name != SUPPLIED_FILE}
-    project = _project(page, "batch", files, running, headers=["cutjoint/batch/real.hpp"], real="cutjoint::batch::Real")
-    return page.source({**files, **main, **project}, driver="batch")
-
-
 def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT_LINE) -> Source:
     """The simulator of a system and of the mechanism that starts its runs.
     A factorisation of more multiply-adds than ``straight_line`` is index data and a loop."""
@@ -48,8 +37,8 @@ def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT
     return page.source({**mechanism, **files, **main, **_project(page, "lagrangian", mechanism, files)}, driver="lagrangian")
 
 
-def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations, conditions: str = "bool") -> dict[str, str]:
-    made = mechanism_class(page, program, equations, conditions, header=page.header)
+def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations) -> dict[str, str]:
+    made = mechanism_class(page, program, equations, "bool", header=page.header)
     described = emit_description(page, describe(equations), _DESCRIPTION)
     files = page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})
     return {**files, **code_file(equations.topology.model)}
@@ -72,13 +61,10 @@ def _main(page: Page, headers: list[str], driver: str, *, running: str) -> dict[
     return {"main.cpp": page.render("main.cpp.jinja", headers=headers, driver=driver, running=running)}
 
 
-def _project(
-    page: Page, driver: str, mechanism: Mapping[str, str], running: Mapping[str, str] | None = None, *, headers: list[str] | None = None,
-    real: str = "",
-) -> dict[str, str]:  # fmt: skip
-    """The CMake project of a mechanism, and of the stepped class if that differs or has another number type."""
+def _project(page: Page, driver: str, mechanism: Mapping[str, str], running: Mapping[str, str] | None = None) -> dict[str, str]:
+    """The CMake project of a mechanism, and of the stepped class if that differs."""
     start, start_unity = compiled(page, "start", mechanism)
-    sources, unity = compiled(page, "mechanism", running or {}, headers or [], real)
+    sources, unity = compiled(page, "mechanism", running or {})
     project = page.render("CMakeLists.txt.jinja", driver=driver, start_sources=start, sources=sources)
     return {"CMakeLists.txt": project, **start_unity, **unity}
 

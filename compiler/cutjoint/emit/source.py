@@ -38,7 +38,7 @@ _STANDARD = re.compile(r"#include <([^>]+)>\n")
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """Generated files by name, their digest (without the mark of the model file), and the driver.
-    The driver is "recursive", "batch", "lagrangian" or LIBRARY."""
+    The driver is "recursive", "lagrangian" or LIBRARY."""
 
     stem: str
     files: Mapping[str, str]

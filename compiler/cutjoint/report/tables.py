@@ -343,7 +343,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     compiled = _build_time(artifact.compile_seconds if artifact.binary.fresh else 0.0)
     runs = len(batch.cases)
     return facts(f"scene {artifact.scene.name}, a batch", [
-        ("generate", f"{artifact.generate_seconds:.2f} s"),
+        ("generate", _build_time(artifact.generate_seconds)),
         ("compile", f"{compiled} ({', '.join([artifact.binary.compiler, *filter(None, [' '.join(artifact.binary.flags)])])})"),
         ("integrator", f"{batch.settings}, runs {'in lanes' if batch.side_by_side else 'one by one'}"),
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),

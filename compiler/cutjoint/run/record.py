@@ -63,7 +63,7 @@ class RunFile:
         jumps_within: report jumps within this time (s) of a sample, or None.
         start: the start that an earlier run of the file with other steps has found, or None.
 
-    `run_file.make_run_file` makes one.  Callers such as `tasks.batch` add entries of their tasks to `entries()`.
+    `run_file.make_run_file` makes one.  Callers add entries of their tasks to `entries()`.
     """
 
     task: str

@@ -84,11 +84,11 @@ def make_run_file(
 ) -> RunFile:  # fmt: skip
     """Make the run file of a task.
 
-    Tasks are "simulate", "realtime", "equilibrium" and "batch".  ``changes`` are values (SI units) of tunable parameters and constant
+    Tasks are "simulate", "realtime" and "equilibrium".  ``changes`` are values (SI units) of tunable parameters and constant
     inputs.  ``inputs`` are constants or tables over time; other inputs follow the scene.
 
-    The caller adds optional entries: "steps_out" (iterations and residuals of each step), "coordinates_out", and for a batch "cases" and
-    "threads".  With ``fits_samples``, a given fixed step must divide the intervals of controllers.
+    The caller adds optional entries: "steps_out" (iterations and residuals of each step) and "coordinates_out".  With ``fits_samples``, a
+    given fixed step must divide the intervals of controllers.
 
     Raises:
         RunError: a change names neither a tunable parameter nor an input, has no finite value, or leaves the start or a road
@@ -104,7 +104,7 @@ def make_run_file(
         raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
     every = {**constant, **inputs}
     entries = input_entries(model, scene, every)
-    if task in ("simulate", "realtime", "batch"):
+    if task in ("simulate", "realtime"):
         _require_steps(scene, settings, task)
         require_sampling(model, scene, settings.integrator)
         if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:

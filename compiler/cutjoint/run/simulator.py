@@ -27,9 +27,6 @@ Slow = Callable[[Mapping[str, Any]], None]
 
 _SLOW: ContextVar[Slow | None] = ContextVar("slow", default=None)
 
-#: Called with each record that a run writes before its summary.
-Receive = Callable[[dict[str, Any]], None]
-
 
 class SimulatorError(CutjointError, RuntimeError):
     """The simulator could not start, or its output is no summary."""
@@ -46,8 +43,8 @@ def watched(slow: Slow) -> Iterator[None]:
 
 
 def call_simulator(
-    binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, receive: Receive | None = None,
-    seconds: float | None = None, description: Mapping[str, Any] | None = None,
+    binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, seconds: float | None = None,
+    description: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Run a simulator on a run file and return its summary; it has ended when this returns or raises, also where ``progress`` raises.
 
@@ -76,7 +73,7 @@ def call_simulator(
         # from before the simulator begins: what it writes first may be what somebody waits for with a signal
         begun = partial(_begin, command, **pipes, encoding="utf-8", errors="replace")
         with stop_requests() as request, begun() as process, _killed_after(seconds, process):
-            status, summary = _follow(process, request, progress, receive)
+            status, summary = _follow(process, request, progress)
         if request.number is not None:
             raise request.error(_when(summary))
         complaint.seek(0)
@@ -100,21 +97,19 @@ def _killed_after(seconds: float | None, process: subprocess.Popen[str]) -> Iter
             timer.cancel()
 
 
-def _follow(
-    process: subprocess.Popen[str], request: StopRequest, progress: Progress | None, receive: Receive | None
-) -> tuple[int, dict[str, Any]]:  # fmt: skip
+def _follow(process: subprocess.Popen[str], request: StopRequest, progress: Progress | None) -> tuple[int, dict[str, Any]]:
     """Follow a simulator to its end; return its status and its last record, the summary.  A stop request closes its input."""
     assert process.stdin is not None
     try:
         request.answer_by(process.stdin.close)
-        summary = _read_records(process, progress, receive)
+        summary = _read_records(process, progress)
         return process.wait(), summary
     finally:
         process.kill()  # the caller has given up; a process that has ended is not affected
 
 
-def _read_records(process: subprocess.Popen[str], progress: Progress | None, receive: Receive | None) -> dict[str, Any]:
-    """The summary of a run; earlier records go to ``progress`` and ``receive``."""
+def _read_records(process: subprocess.Popen[str], progress: Progress | None) -> dict[str, Any]:
+    """The summary of a run; earlier records go to ``progress``."""
     assert process.stdout is not None
     summary: dict[str, Any] = {}
     for line in process.stdout:
@@ -125,8 +120,6 @@ def _read_records(process: subprocess.Popen[str], progress: Progress | None, rec
                 tell(record["slow"])
             if progress is not None:
                 progress(record["progress"])
-        elif "first" in record and receive is not None:
-            receive(record)
         else:
             summary = record
     return summary

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 from warnings import warn
 
 import numpy as np
 
-from cutjoint.analysis.shaky import require_firmness
-from cutjoint.compile.c_export import fits_lanes
-from cutjoint.compile.derivation import derive
+from cutjoint.compile.c_export import fits_lanes, make_standalone
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
-from cutjoint.emit.simulator import emit_batch
-from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.compile.pipeline import compile_scene, generate
+from cutjoint.compile.prepared import place_in_cache
+from cutjoint.emit.classes import MOST_LANES
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
+from cutjoint.model.expressions.functions import require_code
+from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -34,38 +36,46 @@ from cutjoint.run.inputs import InputLike, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing_parts, constant_inputs, find_dependent_parts, make_run_file, parameter_values, trimmed
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_closure, with_default_closure
-from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
-from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
+from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance, require_settings
+from cutjoint.run.simulator import Progress, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
+from cutjoint.tasks.batch_library import KINDS, BatchLibrary, names_of_runs, with_batch
 from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.toolchain.cache import is_sound
 from cutjoint.toolchain.compiler import must_interpret
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
+#: The most groups of lanes that one call of a library runs.
+_MOST_AT_ONCE = 8
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+#: Called with results of runs, from one of a number on.
+_Receive = Callable[[int, Sequence[Mapping[str, Any]]], None]
 #: Makes the runs of a batch, reports progress and results, and returns the time of the steps, s.
-_Execute = Callable[[Progress | None, Receive], float]
+_Execute = Callable[[Progress | None, _Receive], float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchArtifact:
-    """A model compiled for batches of one scene; ``single`` makes its runs one by one, None where they go side by side."""
+    """A model compiled for batches of one scene, of which ``units`` are those of the columns.
+    ``library`` makes its runs side by side, None where they go one by one; ``single`` compiles the simulator of one run."""
 
     model: Model
     scene: Scene
-    equations: RecursiveEquations
     binary: Binary
+    units: Mapping[str, str]
+    unknowns: int
+    start: Start
     generate_seconds: float
     compile_seconds: float
-    single: Artifact | None = None
-
-    @property
-    def start(self) -> Start:
-        """The origin of the speeds at the start of its runs."""
-        return start_of(self.equations)
+    library: BatchLibrary | None
+    single: Callable[[], Artifact] = field(repr=False, compare=False)
+    is_cached: bool = False
 
     def __repr__(self) -> str:
-        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
+        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.unknowns} unknowns, {self.binary.path}>"
 
 
 def compile_batch(
@@ -75,43 +85,77 @@ def compile_batch(
     return compile_scene_batch(*load_model(model, scene, tunable), flags=flags)
 
 
-def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+def compile_scene_batch(
+    model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS, known: Mapping[str, Any] | None = None
+) -> BatchArtifact:  # fmt: skip
     """Compile a model for batches of a scene, with the recursive method.
     Runs are made side by side by the trapezoidal rule, with penalties if the scene names no closure. They are made one by one if the
     scene's default integrator is another, if rates of guides may jump, if there are controllers, or without a compiler.
+    ``known`` is what `facts_of` has said of the same batch.
 
     Raises:
         ModelError, EquationsError: the model is wrong.
         RunError: batches do not support the scene's integrator or events.
         ToolchainError: the compiler failed.
+        ValueError: the cache has no more what is ``known``.
     """
     _require_batch(scene)
     integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options())
-    if not fits_lanes(model, scene, METHOD, integrator.name):
-        return _compile_alone(model, scene, flags)
-    closure = scene.numerics.closure or PLAIN_CLOSURE
-    scene = with_closure(scene, closure)
-    if must_interpret():
-        steps = replace(scene.numerics, integrator=integrator.name, events=Events.CROSSED)
-        return _compile_alone(model, replace(scene, numerics=steps), flags)
+    if in_lanes := fits_lanes(model, scene, METHOD, integrator.name):
+        scene = with_closure(scene, scene.numerics.closure or PLAIN_CLOSURE)
+        if must_interpret():
+            in_lanes = False
+            scene = replace(scene, numerics=replace(scene.numerics, integrator=integrator.name, events=Events.CROSSED))
+    options = CompileOptions(method=METHOD, flags=flags)
+    if known is not None:
+        return _recall(model, scene, known, cache(lambda: compile_scene(model, scene, options)))
+    if not in_lanes:
+        single = compile_scene(model, scene, options)
+        assert isinstance(single.equations, RecursiveEquations)
+        return _artifact(single.equations, scene, single.binary, lambda: single, (single.generate_seconds, single.compile_seconds))
     begin = perf_counter()
-    derived = require_firmness(derive(model, scene, scene.outputs, closure=closure), METHOD)
-    equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing
-    source = emit_batch(schedule_recursive(equations, lanes=False), equations)
-    generated = perf_counter()
+    require_code(model)
+    generated = generate(model, scene, scene.outputs, method=METHOD)
+    standalone = with_batch(make_standalone(generated, integrator=integrator.name, side_by_side=True))
+    source, written = standalone.library, perf_counter()
     binary = build(source, flags=flags)
-    return BatchArtifact(
-        model=equations.topology.model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
-        compile_seconds=perf_counter() - generated,
+    seconds = written - begin, perf_counter() - written
+    return _artifact(
+        standalone.parts.mechanism, scene, binary, cache(lambda: compile_scene(model, scene, options, generated=generated)), seconds,
+        names_of_runs(standalone),
     )  # fmt: skip
 
 
-def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
-    single = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
-    assert isinstance(single.equations, RecursiveEquations)
+def _artifact(
+    equations: RecursiveEquations, scene: Scene, binary: Binary, single: Callable[[], Artifact], seconds: tuple[float, float],
+    names: Mapping[str, Sequence[str]] | None = None,
+) -> BatchArtifact:  # fmt: skip
+    units, model = {c.name: c.unit for c in equations.columns}, equations.topology.model
     return BatchArtifact(
-        model=single.topology.model, scene=scene, equations=single.equations, binary=single.binary,
-        generate_seconds=single.generate_seconds, compile_seconds=single.compile_seconds, single=single,
+        model=model, scene=scene, binary=binary, units=units, unknowns=equations.unknowns, start=start_of(equations),
+        generate_seconds=seconds[0], compile_seconds=seconds[1], single=single,
+        library=None if names is None else BatchLibrary(path=binary.path, model=model.name, names=names, outputs=len(units)),
+    )  # fmt: skip
+
+
+def facts_of(artifact: BatchArtifact) -> dict[str, Any]:
+    """A compiled batch as plain data, but for its model and scene."""
+    binary, library = artifact.binary, artifact.library
+    return {
+        "place": [binary.path.parent.name, binary.path.name], "compiler": binary.compiler, "flags": binary.flags, "units": artifact.units,
+        "unknowns": artifact.unknowns, "start": asdict(artifact.start), "names": library and library.names,
+    }  # fmt: skip
+
+
+def _recall(model: Model, scene: Scene, known: Mapping[str, Any], single: Callable[[], Artifact]) -> BatchArtifact:
+    path, units = place_in_cache(*known["place"]), known["units"]
+    if not is_sound(path):
+        raise ValueError(f"the cache has no {path}")
+    binary = Binary(path=path, fresh=False, compiler=known["compiler"], flags=tuple(known["flags"]))
+    return BatchArtifact(
+        model=model, scene=scene, binary=binary, units=units,
+        unknowns=known["unknowns"], start=Start(**known["start"]), generate_seconds=0.0, compile_seconds=0.0, single=single, is_cached=True,
+        library=None if known["names"] is None else BatchLibrary(path=path, model=model.name, names=known["names"], outputs=len(units)),
     )  # fmt: skip
 
 
@@ -162,17 +206,13 @@ def simulate_batch(
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     begin, requested = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = processors() if threads is None else threads
-    if artifact.single is None:
-        settings, execute = _plan_side_by_side(artifact, cases, requested, threads)
-    else:
-        settings, execute = _plan_one_by_one(artifact.single, cases, requested, threads)
-    units = Columns({c.name: c.unit for c in artifact.equations.columns})
-    results: list[dict[str, Any]] = [{}] * len(cases)
+    settings, execute, side_by_side = _plan(artifact, cases, requested, threads)
+    units = Columns(artifact.units)
+    results: list[Mapping[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
         table = None if out is None else stack.enter_context(CaseTable(Path(out), cases, units))
 
-        def receive(record: Mapping[str, Any]) -> None:
-            first, new = record["first"], record["results"]
+        def receive(first: int, new: Sequence[Mapping[str, Any]]) -> None:
             results[first : first + len(new)] = new
             if table is not None:
                 table.take(first, new)
@@ -181,54 +221,91 @@ def simulate_batch(
         if table is not None:
             table.finish()
     elapsed = perf_counter() - begin
-    tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "minimum", "maximum")}
+    tables = {kind: _columns(results, kind, list(units)) for kind in KINDS}
     batch = Batch(
         cases=tuple(dict(case) for case in cases), **tables, units=units, evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
-        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.single is None,
+        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=side_by_side,
     )  # fmt: skip
     if check and (failed := count_failures(batch)):
         raise FailedBatchError("\n".join([*describe_failures(batch), f"{failed}; the error's batch has all of them"]), batch)
     return batch
 
 
-def _plan_side_by_side(
+def _plan(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
-) -> tuple[StepSettings, _Execute]:  # fmt: skip
-    """Step settings of a batch that one simulator runs in lanes, and that simulator."""
+) -> tuple[StepSettings, _Execute, bool]:  # fmt: skip
+    """Step settings of a batch, what makes its runs, and whether these go side by side: a library has the roads of the scene alone."""
+    model, scene, library = artifact.model, artifact.scene, artifact.library
+    if library is None:
+        return *_plan_one_by_one(artifact, cases, _as_simulated(scene, requested), threads), False
     options = replace(requested, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
-    file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
-    entries = {**file.entries(), "cases": _own_parts(artifact.model, artifact.scene, cases), "threads": threads}
+    file = make_run_file(model, scene, {}, task="simulate", method=METHOD, options=options)
+    entries, own = file.entries(), _own_parts(model, scene, cases)
+    if any(parts.get("roads", file.roads) != file.roads for parts in own):
+        return *_plan_one_by_one(artifact, cases, options, threads), False
+    settings, steps, stop = file.settings, count_steps(file.settings.dt, file.end, file.output_step), ctypes.c_int()
+    length = min(_MOST_AT_ONCE, max(1, -(-len(cases) // (threads * MOST_LANES)))) * MOST_LANES
 
-    def execute(progress: Progress | None, receive: Receive) -> float:
-        return float(call_simulator(artifact.binary.path, entries, progress, receive)["seconds"])
+    def run(first: int) -> tuple[list[dict[str, Any]], float]:
+        parts = [{**entries, **each} for each in own[first : first + length]]
+        return library.run(parts, (steps.number, steps.stride), settings.dt, settings.tolerance, stop, is_first=first == 0)
 
-    return StepSettings.of(file.settings), execute
+    def repeat(first: int, records: list[dict[str, Any]]) -> None:
+        """Make the runs that failed alone, which name laws without a value."""
+        failed = [i for i, record in enumerate(records) if "status" not in record]
+        plans = [replace(make_simulator_run(artifact.single(), options, cases[first + i]), continuation=None) for i in failed]
+        for i, alone in zip(failed, _in_order(start, plans, threads), strict=True):
+            records[i] |= _record(alone)
+
+    def execute(progress: Progress | None, receive: _Receive) -> float:
+        seconds, firsts = 0.0, range(0, len(cases), length)
+        for first, (records, taken) in zip(firsts, _in_order(run, firsts, threads, stop), strict=True):
+            if not all(records):
+                repeat(first, records)
+            receive(first, records)
+            seconds += taken
+            if progress is not None:
+                progress((first + len(records)) / len(cases))
+        return seconds
+
+    return StepSettings.of(settings), execute, True
 
 
 def _plan_one_by_one(
-    single: Artifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], options: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
     """Step settings of a batch with one simulator process for each run."""
-    options = _as_simulated(single.scene, requested)
-    plans = [make_simulator_run(single, options, case) for case in cases]
+    plans = [_make_run(artifact, options, case) for case in cases]
 
-    def execute(progress: Progress | None, receive: Receive) -> float:
+    def execute(progress: Progress | None, receive: _Receive) -> float:
         seconds = 0.0
-        for number, run in enumerate(_in_order(plans, threads)):
-            receive({"first": number, "results": [_record(run)]})
+        for number, run in enumerate(_in_order(start, plans, threads)):
+            receive(number, [_record(run)])
             seconds += run.seconds
             if progress is not None:
                 progress((number + 1) / len(plans))
         return seconds
 
-    return StepSettings.of(make_simulator_run(single, options).run_file.settings), execute
+    return StepSettings.of(_make_run(artifact, options, {}).run_file.settings), execute
 
 
-def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
-    """The runs of plans, some at a time. Raises Interrupted, Terminated: a signal has come; those that were begun have ended."""
+def _make_run(artifact: BatchArtifact, options: Options, case: Mapping[str, float]) -> SimulatorRun:
+    """The run of a case alone; none that is found in the cache can go on by other code."""
+    if artifact.library is not None or not artifact.is_cached:
+        return make_simulator_run(artifact.single(), options, case)
+    scene = with_closure(artifact.scene, find_closure(artifact.scene.numerics, METHODS[METHOD]).name)
+    file = make_run_file(artifact.model, scene, case, task="simulate", method=METHOD, options=options)
+    return SimulatorRun(simulator=artifact.binary.path, run_file=file, description=None, units=artifact.units)
+
+
+def _in_order(
+    call: Callable[[_Item], _Result], items: Sequence[_Item], threads: int, stop: ctypes.c_int | None = None
+) -> Iterator[_Result]:  # fmt: skip
+    """The results of calls, some at a time. Raises Interrupted, Terminated: a signal has come; those that were begun have ended, early if
+    they heed ``stop``, which is then set."""
     with stop_requests() as request, ThreadPoolExecutor(threads) as pool:
-        runs = [pool.submit(start, plan) for plan in plans]
+        runs = [pool.submit(call, item) for item in items]
         try:
             for run in runs:
                 while request.number is None and not wait([run], timeout=0.5).done:
@@ -237,6 +314,8 @@ def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajector
                     raise request.error("interrupted")
                 yield run.result()
         finally:
+            if stop is not None:
+                stop.value = 1
             pool.shutdown(cancel_futures=True)
 
 

@@ -201,7 +201,7 @@ def digest_of(parts: Sequence[str]) -> str:
 @cache
 def runtime_digest(*, part: str = "") -> str:
     """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
-    return tree_digest(runtime_folder(), left_out={"batch", "interpreter"} - {part})
+    return tree_digest(runtime_folder(), left_out={"interpreter"} - {part})
 
 
 def tree_digest(folder: Path, *, left_out: Set[str] = frozenset()) -> str:

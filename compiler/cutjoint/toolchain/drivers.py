@@ -32,7 +32,7 @@ from cutjoint.toolchain.compiler import Compiler, resolve
 from cutjoint.toolchain.temporary import plain_folder
 
 #: The kinds of drivers, as `Source.driver` has them.
-DRIVERS = ("recursive", "lagrangian", "batch")
+DRIVERS = ("recursive", "lagrangian")
 
 #: The drivers with a simulator that interprets programs.
 INTERPRETING = ("recursive", "lagrangian")
@@ -112,16 +112,15 @@ class Part:
 def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> tuple[Part, ...]:
     """The parts of a driver, one of DRIVERS; none of anything else.
 
-    Starts and integrators are compiled with the flags of generated code, all other parts in drivers for batches and where an addition needs
-    it.
+    Starts and integrators are compiled with the flags of generated code, the rest where an addition needs it.
     """
     if driver not in DRIVERS:
         return ()
     plain, own = [runtime_digest(), *compiler.key], [driver, runtime_digest(part=driver), *kind.key]
     flagged = [*plain, *resolve(flags)]
-    rest = flagged if driver == "batch" or kind.additions else plain
-    parts = Part(name="initial_state", digest=digest_of(flagged)), Part(name="driver", digest=digest_of([*rest, *own]))
-    return parts if driver == "batch" else (*parts, Part(name="integrators", digest=digest_of([*flagged, *own])))
+    rest = flagged if kind.additions else plain
+    digests = {"initial_state": flagged, "driver": [*rest, *own], "integrators": [*flagged, *own]}
+    return tuple(Part(name=name, digest=digest_of(each)) for name, each in digests.items())
 
 
 def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> Part:
@@ -198,7 +197,7 @@ def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
 
 def _installed_drivers() -> Path:
     """The folder of the drivers of this version of the runtime, inside the installation."""
-    return installed_folder() / f"drivers-{runtime_digest(part='batch')}"
+    return installed_folder() / f"drivers-{runtime_digest()}"
 
 
 def _library() -> Path:

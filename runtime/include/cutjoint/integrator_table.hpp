@@ -15,18 +15,18 @@ enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, radau5, radau5
 /// The name in run files, and which drivers have it.
 struct IntegratorRow {
   std::string_view name;
-  bool recursive, lagrangian, batch, generic;
+  bool recursive, lagrangian, generic;
 };
 
 /// In the order of `Integrator`, without those that are added.
 inline constexpr std::array integrator_rows{
-    IntegratorRow{"trapezoidal", true, true, true, true},
-    IntegratorRow{"rk4", true, false, false, false},
-    IntegratorRow{"dormand-prince", true, false, false, false},
-    IntegratorRow{"dop853", true, false, false, false},
-    IntegratorRow{"radau5", false, true, false, false},
-    IntegratorRow{"radau5-fixed", false, true, false, false},
-    IntegratorRow{"generalised-alpha", false, true, false, false},
+    IntegratorRow{"trapezoidal", true, true, true},
+    IntegratorRow{"rk4", true, false, false},
+    IntegratorRow{"dormand-prince", true, false, false},
+    IntegratorRow{"dop853", true, false, false},
+    IntegratorRow{"radau5", false, true, false},
+    IntegratorRow{"radau5-fixed", false, true, false},
+    IntegratorRow{"generalised-alpha", false, true, false},
 };
 
 }  // namespace cutjoint

@@ -22,7 +22,7 @@ inline Integrator read_integrator(const std::string& name, const Abilities& abil
 /// The settings of a run file for a program.
 inline RunSettings read_settings(const Json& file, const Abilities& abilities) {
   const Json &numerics = file.at("numerics"), &closure = file.at("stabilisation"), &solver = file.at("solver"), &events = numerics.at("events");
-  return {.task = read_word<Task>(file, "task", {{"simulate", Task::simulate}, {"realtime", Task::realtime}, {"equilibrium", Task::equilibrium}, {"batch", Task::batch}}),
+  return {.task = read_word<Task>(file, "task", {{"simulate", Task::simulate}, {"realtime", Task::realtime}, {"equilibrium", Task::equilibrium}}),
           .pose = read_word<Pose>(file, "pose", {{"design", Pose::design}, {"equilibrium", Pose::equilibrium}}),
           .end = read_number<double>(file, "end"),
           .output_step = read_number<double>(file, "output_step"),

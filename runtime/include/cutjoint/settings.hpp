@@ -8,7 +8,7 @@
 
 namespace cutjoint {
 
-enum class Task { simulate, realtime, equilibrium, batch };
+enum class Task { simulate, realtime, equilibrium };
 enum class Pose { design, equilibrium };
 
 /// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.

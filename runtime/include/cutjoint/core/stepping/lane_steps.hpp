@@ -51,7 +51,7 @@ struct LaneStart {
 ///
 /// Each steps as if alone, up to rounding; its bits depend neither on other lanes nor on its own lane.  One that fails
 /// stops at its last state, the others continue.  Between runs the instances may find accelerations of several states of one mechanism.
-template <Mechanism M>
+template <Sized M>
 class LaneSteps {
  public:
   using Real = typename M::real_type;
@@ -143,7 +143,7 @@ class LaneSteps {
 
   /// Stop those in which a force that was left out would act at the end of a step.
   void watch([[maybe_unused]] Real number) {
-    if constexpr (!Sized<M> || sizes.guards > 0) {
+    if constexpr (sizes.guards > 0) {
       if (margins_.empty()) return;
       mechanism_.guard(state_.q.data(), state_.v.data(), margins_.data());
       for (std::size_t i = 0; i < margins_.size(); ++i)
@@ -215,7 +215,7 @@ class LaneSteps {
 
   /// The mechanism takes inputs from the source of each lane.
   void drive() {
-    if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
+    if constexpr (sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
   }
 
   /// The time of those that go.
@@ -257,7 +257,7 @@ class LaneSteps {
 
   void integrate(Real h, Real until) {
     Mask opens = Instances::all_if(false);
-    if constexpr (!Sized<M> || sizes.inputs > 0) opens = begin_inputs(until);
+    if constexpr (sizes.inputs > 0) opens = begin_inputs(until);
     opens = Instances::both(opens, running_);
     if (!any_running()) return;
     const Real begun = state_.t;
