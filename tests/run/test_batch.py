@@ -25,7 +25,7 @@ from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
-from tests.conftest import needs_cpp
+from tests.conftest import MODELS, needs_cpp
 from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
@@ -359,3 +359,35 @@ def test_contradictions_are_refused(more: list[str], words: str, tmp_path: Path,
     assert done.exit_code == 1
     assert words in done.output
     assert Path("cases.csv").read_text(encoding="utf-8") == "load\n250\n"
+
+
+@pytest.mark.parametrize("more", [["--dt", "0.001"], []], ids=["in lanes", "one by one"])
+def test_a_batch_is_found_in_the_cache(more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the same numbers; another model is derived."""
+    monkeypatch.chdir(tmp_path)
+    text = (MODELS / "press.yaml").read_text(encoding="utf-8").replace("end: 2", "end: 0.2")
+    Path("press.yaml").write_text(text, encoding="utf-8")
+    Path("cases.csv").write_text("stiffness\n2000\n3000\n", encoding="utf-8")
+    words = ["batch", "press.yaml", "cases.csv", "--out", "out.csv", *more]
+    tables, said = [], []
+    for changed in (text, text, text.replace("end: 0.2", "end: 0.3")):
+        Path("press.yaml").write_text(changed, encoding="utf-8")
+        said.append(CliRunner().invoke(main, words).output)
+        tables.append(Path("out.csv").read_text(encoding="utf-8"))
+    assert ["generate found in the cache" in " ".join(each.split()) for each in said[1:]] == [True, False], said
+    assert tables[0] == tables[1] != tables[2]
+
+
+@pytest.mark.heavy
+def test_a_wheel_that_changes_the_shape_of_the_road(tmp_path: Path) -> None:
+    """Each run has a road of its own; the library has that of the scene alone, so that runs go one by one, in the same steps."""
+    text = TEXT.replace("  load: {", "  wheel: {value: 0.3, unit: m, binding: param}\n  load: {").replace("radius: 0.3", "radius: wheel")
+    text = text.replace("road: {start: 1.03, profile: [{ramp: 0.7, rise: 0.1}", "road: {contact: disc, start: 1.03, profile: [{step: 0.02}")
+    model = read_model_text(text, "quarter.yaml")
+    artifact, single = compile_scene_batch(model, model.scenes["ride"]), compile_scene(model, model.scenes["ride"])
+    for cases, side_by_side in (([{"wheel": 0.28}, {"wheel": 0.3}], False), ([{"load": 250.0}, {"load": 300.0}], True)):
+        batch = simulate_batch(artifact, cases)
+        assert batch.side_by_side is side_by_side
+        assert batch.settings.integrator == "trapezoidal"
+        for i, case in enumerate(cases):
+            check_same(batch, i, simulate(single, parameters=case))

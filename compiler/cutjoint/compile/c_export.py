@@ -80,6 +80,7 @@ class Standalone:
     """A C export: the library and the folder of a mechanism.
 
     * ``name``: of the model; ``digest``: of its source; ``parts``: the code of both; ``code``: the library's text behind its interface
+    * ``calls``: those of that interface, by default all
     * ``integrator``: the rule of its steps; ``run_file``: settings, parameters and start
     * ``reproducible``: same bits on all processors; ``lays_roads``: a host changes the road under its wheels
     """
@@ -90,6 +91,7 @@ class Standalone:
     integrator: str
     run_file: RunFile
     code: str = ""
+    calls: Sequence[str] = ()
     reproducible: bool = False
     lays_roads: bool = False
 
@@ -148,7 +150,7 @@ class Standalone:
     @cached_property
     def library(self) -> Source:
         """The source of the shared library with the same interface."""
-        return emit_library(self.parts, self.defaults, self.digest, self.code)
+        return emit_library(self.parts, self.defaults, self.digest, self.code, self.calls)
 
     @property
     def defaults(self) -> Defaults:

@@ -131,7 +131,7 @@ def _can_be_read_again(request: Request) -> bool:
     return request.model.is_file() and (request.functions is None or request.functions.is_file())
 
 
-def _cache_path(request: Request, content: bytes, kind: str) -> Path:
+def _cache_path(request: Request, content: bytes, kind: str = "runs") -> Path:
     code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
     requested = {**asdict(request), "model": str(request.model), "functions": code}
     about = [sha256(content).hexdigest(), requested, *build_provenance(), *_extension_digests(request)]

@@ -75,12 +75,12 @@ class _Placed:
         return f"{SPACE}::{self.space}" if self.space else SPACE
 
 
-def emit_library(parts: SimulationCode, defaults: Defaults, digest: str, code: str = "") -> Source:
+def emit_library(parts: SimulationCode, defaults: Defaults, digest: str, code: str = "", calls: Sequence[str] = ()) -> Source:
     """The files of a library and of the project that builds it; ``code`` is what it has behind its interface.
-    ``defaults`` and ``digest`` as of `emit_standalone`."""
+    ``defaults`` and ``digest`` as of `emit_standalone`, ``calls`` of `render_interface`."""
     parts, view = prepare(parts, defaults, digest)
     page, classes = parts.page, list(_classes(parts, STEPS[parts.method][defaults.integrator]))
-    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, defaults, view) + code}
+    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, defaults, view, calls) + code}
     sources: dict[str, list[str]] = {"mechanism": [], "system": []}
     for each in classes:
         files |= each.files(page) | each.functions(page)
@@ -114,7 +114,9 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 
-def _interface(parts: SimulationCode, classes: Sequence[_Placed], defaults: Defaults, view: Mapping[str, object]) -> str:
+def _interface(
+    parts: SimulationCode, classes: Sequence[_Placed], defaults: Defaults, view: Mapping[str, object], calls: Sequence[str]
+) -> str:  # fmt: skip
     page, has_lanes = parts.page, any("cutjoint/core/numbers/lanes.hpp" in each.made.header.headers for each in classes)
     runtime = headers_of(parts, STEPS[parts.method][defaults.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]
@@ -122,4 +124,4 @@ def _interface(parts: SimulationCode, classes: Sequence[_Placed], defaults: Defa
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],
         p=page.stem, header=view["header"],
         classes=[{"space": x.space, "code": x.made.sized(page, x.space)} for x in classes if x.made.layout],
-    ) + render_interface(page, view)  # fmt: skip
+    ) + render_interface(page, view, calls_of=calls)  # fmt: skip

@@ -110,12 +110,13 @@ def render_header(page: Page, view: Mapping[str, object]) -> str:
     return page.render("standalone/api.h.jinja", **_in_c(page), **view)
 
 
-def render_interface(page: Page, view: Mapping[str, object], *, hides: bool = False) -> str:
+def render_interface(page: Page, view: Mapping[str, object], *, hides: bool = False, calls_of: Sequence[str] = ()) -> str:
     """The C++ of the functions that the C header declares: those of a simulation, and names by index and indices by name.
-    ``hides``: what stands before is hidden, and ends before the interface."""
+    ``hides``: what stands before is hidden, and ends before the interface. ``calls_of``: the calls that it has, by default all."""
     header, p = render_header(page, view), page.stem
     of_sim = re.findall(rf"^([\w* ]+\b{p}_(\w+)\((?:const )?{p}_sim\* .*\));$", header, re.MULTILINE)
-    calls = [{"declaration": text, "name": name, "arguments": ", ".join(re.findall(r"(\w+)[,)]", text))} for text, name in of_sim]
+    calls = [{"declaration": text, "name": name, "arguments": ", ".join(re.findall(r"(\w+)[,)]", text))} for text, name in of_sim
+             if not calls_of or name in calls_of]  # fmt: skip
     texts = re.findall(rf"^const char\* {p}_(\w+)\(int (?:index|event)\);$", header, re.MULTILINE)
     found = re.findall(rf"^int {p}_find_(\w+)\(const char\* name\);$", header, re.MULTILINE)
     return page.render("standalone/api.cpp.jinja", calls=calls, texts=texts, found=found, hides=hides, **view)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
@@ -51,31 +51,37 @@ from cutjoint.toolchain.compiler import must_interpret
 _MOST_AT_ONCE = 8
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
-#: Called with results of runs, from one of a number on.
-_Receive = Callable[[int, Sequence[Mapping[str, Any]]], None]
-#: Makes the runs of a batch, reports progress and results, and returns the time of the steps, s.
-_Execute = Callable[[Progress | None, _Receive], float]
+#: Results of runs: the number of the first one, the records, and seconds of their steps.
+_Results = Generator[tuple[int, list[dict[str, Any]], float], None, None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchArtifact:
-    """A model compiled for batches of one scene, of which ``units`` are those of the columns.
-    ``library`` makes its runs side by side, None where they go one by one; ``single`` compiles the simulator of one run."""
+    """A model compiled for batches of one scene, with ``facts`` of its equations, plain data.
+    ``single`` compiles the simulator of one run, ``binary`` is that where runs go one by one, else their library."""
 
     model: Model
     scene: Scene
     binary: Binary
-    units: Mapping[str, str]
-    unknowns: int
-    start: Start
-    generate_seconds: float
-    compile_seconds: float
-    library: BatchLibrary | None
+    facts: Mapping[str, Any]
     single: Callable[[], Artifact] = field(repr=False, compare=False)
+    generate_seconds: float = 0.0
+    compile_seconds: float = 0.0
     is_cached: bool = False
 
+    @cached_property
+    def library(self) -> BatchLibrary | None:
+        """What makes the runs side by side."""
+        names, outputs = self.facts["names"], len(self.facts["units"])
+        return names and BatchLibrary(path=self.binary.path, model=self.model.name, names=names, outputs=outputs)
+
+    @property
+    def start(self) -> Start:
+        """The origin of the speeds at the start of its runs."""
+        return Start(**self.facts["start"])
+
     def __repr__(self) -> str:
-        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.unknowns} unknowns, {self.binary.path}>"
+        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.facts['unknowns']} unknowns, {self.binary.path}>"
 
 
 def compile_batch(
@@ -108,55 +114,37 @@ def compile_scene_batch(
             scene = replace(scene, numerics=replace(scene.numerics, integrator=integrator.name, events=Events.CROSSED))
     options = CompileOptions(method=METHOD, flags=flags)
     if known is not None:
-        return _recall(model, scene, known, cache(lambda: compile_scene(model, scene, options)))
+        binary = Binary(path=place_in_cache(*known["place"]), fresh=False, compiler=known["compiler"], flags=tuple(flags))
+        if not is_sound(binary.path):
+            raise ValueError(f"the cache has no {binary.path}")
+        single = cache(lambda: compile_scene(model, scene, options))
+        return BatchArtifact(model=model, scene=scene, binary=binary, facts=known, single=single, is_cached=True)
     if not in_lanes:
-        single = compile_scene(model, scene, options)
-        assert isinstance(single.equations, RecursiveEquations)
-        return _artifact(single.equations, scene, single.binary, lambda: single, (single.generate_seconds, single.compile_seconds))
+        done = compile_scene(model, scene, options)
+        return BatchArtifact(
+            model=done.model, scene=scene, binary=done.binary, facts=_facts(done.mechanism), single=lambda: done,
+            generate_seconds=done.generate_seconds, compile_seconds=done.compile_seconds,
+        )  # fmt: skip
     begin = perf_counter()
     require_code(model)
     generated = generate(model, scene, scene.outputs, method=METHOD)
     standalone = with_batch(make_standalone(generated, integrator=integrator.name, side_by_side=True))
-    source, written = standalone.library, perf_counter()
-    binary = build(source, flags=flags)
-    seconds = written - begin, perf_counter() - written
-    return _artifact(
-        standalone.parts.mechanism, scene, binary, cache(lambda: compile_scene(model, scene, options, generated=generated)), seconds,
-        names_of_runs(standalone),
-    )  # fmt: skip
-
-
-def _artifact(
-    equations: RecursiveEquations, scene: Scene, binary: Binary, single: Callable[[], Artifact], seconds: tuple[float, float],
-    names: Mapping[str, Sequence[str]] | None = None,
-) -> BatchArtifact:  # fmt: skip
-    units, model = {c.name: c.unit for c in equations.columns}, equations.topology.model
+    source, written, equations = standalone.library, perf_counter(), standalone.parts.mechanism
     return BatchArtifact(
-        model=model, scene=scene, binary=binary, units=units, unknowns=equations.unknowns, start=start_of(equations),
-        generate_seconds=seconds[0], compile_seconds=seconds[1], single=single,
-        library=None if names is None else BatchLibrary(path=binary.path, model=model.name, names=names, outputs=len(units)),
+        model=equations.topology.model, scene=scene, binary=build(source, flags=flags), facts=_facts(equations, names_of_runs(standalone)),
+        single=cache(lambda: compile_scene(model, scene, options, generated=generated)), generate_seconds=written - begin,
+        compile_seconds=perf_counter() - written,
     )  # fmt: skip
+
+
+def _facts(equations: RecursiveEquations, names: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
+    units = {c.name: c.unit for c in equations.columns}
+    return {"units": units, "unknowns": equations.unknowns, "start": asdict(start_of(equations)), "names": names}
 
 
 def facts_of(artifact: BatchArtifact) -> dict[str, Any]:
     """A compiled batch as plain data, but for its model and scene."""
-    binary, library = artifact.binary, artifact.library
-    return {
-        "place": [binary.path.parent.name, binary.path.name], "compiler": binary.compiler, "flags": binary.flags, "units": artifact.units,
-        "unknowns": artifact.unknowns, "start": asdict(artifact.start), "names": library and library.names,
-    }  # fmt: skip
-
-
-def _recall(model: Model, scene: Scene, known: Mapping[str, Any], single: Callable[[], Artifact]) -> BatchArtifact:
-    path, units = place_in_cache(*known["place"]), known["units"]
-    if not is_sound(path):
-        raise ValueError(f"the cache has no {path}")
-    binary = Binary(path=path, fresh=False, compiler=known["compiler"], flags=tuple(known["flags"]))
-    return BatchArtifact(
-        model=model, scene=scene, binary=binary, units=units,
-        unknowns=known["unknowns"], start=Start(**known["start"]), generate_seconds=0.0, compile_seconds=0.0, single=single, is_cached=True,
-        library=None if known["names"] is None else BatchLibrary(path=path, model=model.name, names=known["names"], outputs=len(units)),
-    )  # fmt: skip
+    return {**artifact.facts, "place": [artifact.binary.path.parent.name, artifact.binary.path.name], "compiler": artifact.binary.compiler}
 
 
 def _require_batch(scene: Scene) -> None:
@@ -206,18 +194,18 @@ def simulate_batch(
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     begin, requested = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = processors() if threads is None else threads
-    settings, execute, side_by_side = _plan(artifact, cases, requested, threads)
-    units = Columns(artifact.units)
-    results: list[Mapping[str, Any]] = [{}] * len(cases)
+    settings, runs, side_by_side = _plan(artifact, cases, requested, threads)
+    units, seconds = Columns(artifact.facts["units"]), 0.0
+    results: list[Mapping[str, Any]] = []
     with ExitStack() as stack:
         table = None if out is None else stack.enter_context(CaseTable(Path(out), cases, units))
-
-        def receive(first: int, new: Sequence[Mapping[str, Any]]) -> None:
-            results[first : first + len(new)] = new
+        for first, records, taken in stack.enter_context(closing(runs)):
+            results += records
+            seconds += taken
             if table is not None:
-                table.take(first, new)
-
-        seconds = execute(progress, receive)
+                table.take(first, records)
+            if progress is not None:
+                progress(len(results) / len(cases))
         if table is not None:
             table.finish()
     elapsed = perf_counter() - begin
@@ -234,8 +222,8 @@ def simulate_batch(
 
 def _plan(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
-) -> tuple[StepSettings, _Execute, bool]:  # fmt: skip
-    """Step settings of a batch, what makes its runs, and whether these go side by side: a library has the roads of the scene alone."""
+) -> tuple[StepSettings, _Results, bool]:  # fmt: skip
+    """Step settings of a batch, its results in order, and whether runs go side by side: a library has the roads of the scene alone."""
     model, scene, library = artifact.model, artifact.scene, artifact.library
     if library is None:
         return *_plan_one_by_one(artifact, cases, _as_simulated(scene, requested), threads), False
@@ -244,50 +232,32 @@ def _plan(
     entries, own = file.entries(), _own_parts(model, scene, cases)
     if any(parts.get("roads", file.roads) != file.roads for parts in own):
         return *_plan_one_by_one(artifact, cases, options, threads), False
-    settings, steps, stop = file.settings, count_steps(file.settings.dt, file.end, file.output_step), ctypes.c_int()
+    steps, stop = count_steps(file.settings.dt, file.end, file.output_step), ctypes.c_int()
     length = min(_MOST_AT_ONCE, max(1, -(-len(cases) // (threads * MOST_LANES)))) * MOST_LANES
 
     def run(first: int) -> tuple[list[dict[str, Any]], float]:
         parts = [{**entries, **each} for each in own[first : first + length]]
-        return library.run(parts, (steps.number, steps.stride), settings.dt, settings.tolerance, stop, is_first=first == 0)
+        return library.run(parts, (steps.number, steps.stride), file.settings, stop, is_first=first == 0)
 
-    def repeat(first: int, records: list[dict[str, Any]]) -> None:
-        """Make the runs that failed alone, which name laws without a value."""
-        failed = [i for i, record in enumerate(records) if "status" not in record]
-        plans = [replace(make_simulator_run(artifact.single(), options, cases[first + i]), continuation=None) for i in failed]
-        for i, alone in zip(failed, _in_order(start, plans, threads), strict=True):
-            records[i] |= _record(alone)
+    def results() -> _Results:
+        firsts = range(0, len(cases), length)
+        for first, (records, seconds) in zip(firsts, _in_order(run, firsts, threads, stop), strict=True):
+            failed = [i for i, record in enumerate(records) if "status" not in record]  # made again alone, which names laws without a value
+            plans = [replace(_make_run(artifact, options, cases[first + i]), continuation=None) for i in failed]
+            for i, alone in zip(failed, _in_order(start, plans, threads) if plans else (), strict=True):
+                records[i] |= _record(alone)
+            yield first, records, seconds
 
-    def execute(progress: Progress | None, receive: _Receive) -> float:
-        seconds, firsts = 0.0, range(0, len(cases), length)
-        for first, (records, taken) in zip(firsts, _in_order(run, firsts, threads, stop), strict=True):
-            if not all(records):
-                repeat(first, records)
-            receive(first, records)
-            seconds += taken
-            if progress is not None:
-                progress((first + len(records)) / len(cases))
-        return seconds
-
-    return StepSettings.of(settings), execute, True
+    return StepSettings.of(file.settings), results(), True
 
 
 def _plan_one_by_one(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], options: Options, threads: int
-) -> tuple[StepSettings, _Execute]:  # fmt: skip
-    """Step settings of a batch with one simulator process for each run."""
+) -> tuple[StepSettings, _Results]:  # fmt: skip
+    """Step settings of a batch with one simulator process for each run, and its results in order."""
     plans = [_make_run(artifact, options, case) for case in cases]
-
-    def execute(progress: Progress | None, receive: _Receive) -> float:
-        seconds = 0.0
-        for number, run in enumerate(_in_order(start, plans, threads)):
-            receive(number, [_record(run)])
-            seconds += run.seconds
-            if progress is not None:
-                progress((number + 1) / len(plans))
-        return seconds
-
-    return StepSettings.of(_make_run(artifact, options, {}).run_file.settings), execute
+    results = ((number, [_record(run)], run.seconds) for number, run in enumerate(_in_order(start, plans, threads)))
+    return StepSettings.of(_make_run(artifact, options, {}).run_file.settings), results
 
 
 def _make_run(artifact: BatchArtifact, options: Options, case: Mapping[str, float]) -> SimulatorRun:
@@ -296,7 +266,7 @@ def _make_run(artifact: BatchArtifact, options: Options, case: Mapping[str, floa
         return make_simulator_run(artifact.single(), options, case)
     scene = with_closure(artifact.scene, find_closure(artifact.scene.numerics, METHODS[METHOD]).name)
     file = make_run_file(artifact.model, scene, case, task="simulate", method=METHOD, options=options)
-    return SimulatorRun(simulator=artifact.binary.path, run_file=file, description=None, units=artifact.units)
+    return SimulatorRun(simulator=artifact.binary.path, run_file=file, description=None, units=artifact.facts["units"])
 
 
 def _in_order(

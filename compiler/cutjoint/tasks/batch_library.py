@@ -3,7 +3,7 @@
 import ctypes
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
 from pathlib import Path
@@ -14,14 +14,21 @@ import numpy as np
 from cutjoint.compile.c_export import Standalone
 from cutjoint.emit.source import environment
 from cutjoint.formulate.inputs import input_parameters
+from cutjoint.run.record import Settings
 
 #: The values that each output has of a run.
 KINDS = ("end", "minimum", "maximum")
+#: The calls of the C interface that its code needs, by which it compiles the sooner.
+_CALLS = ("set_parameter", "set_input", "set_start_coordinate", "set_start_speed", "start")
 
 
 def with_batch(standalone: Standalone) -> Standalone:
-    """A C export with lanes whose library also runs batches."""
+    """A C export with lanes whose library also runs batches; its source has no start, length of steps or closure settings of the scene."""
     template, equations = environment().get_template("tasks/batch.cpp.jinja"), standalone.parts.mechanism
+    held = replace(standalone.run_file.settings.stabilisation, penalty=None, damping_ratio=1.0, frequency=1.0)
+    blank = standalone.run_file.with_settings(dt=1.0, penalty=None, tolerance=1.0, stabilisation=held)
+    file = replace(blank, positions={}, rates={}, end=1.0, output_step=1.0)
+    standalone = replace(standalone, run_file=file, calls=_CALLS)
     return standalone.with_code(template.render(p=standalone.name, P=standalone.name.upper(), inputs=equations.inputs))
 
 
@@ -47,11 +54,11 @@ class BatchLibrary:
         library, pointer, long = ctypes.CDLL(os.fspath(self.path)), ctypes.c_void_p, ctypes.c_long
         function, size = getattr(library, f"{self.model}_batch"), getattr(library, f"{self.model}_batch_bytes")
         function.restype, size.restype = None, ctypes.c_size_t
-        function.argtypes = (pointer, long, long, long, ctypes.c_double, ctypes.c_double, *[pointer] * 6)
+        function.argtypes = (pointer, long, long, long, *[pointer] * 7)
         return function, size()
 
     def run(
-        self, parts: Sequence[Mapping[str, Any]], steps: tuple[int, int], dt: float, tolerance: float, stop: Any, *, is_first: bool
+        self, parts: Sequence[Mapping[str, Any]], steps: tuple[int, int], settings: Settings, stop: Any, *, is_first: bool
     ) -> tuple[list[dict[str, Any]], float]:  # fmt: skip
         """Make runs with ``parts`` of run files. Return results as of a simulator, of runs that fail none with a status, and seconds.
         ``steps`` are their number and how many there are between rows. ``stop``, a C integer, ends runs once it is set. With ``is_first``,
@@ -59,11 +66,13 @@ class BatchLibrary:
         (function, size), runs, speeds = self._functions, len(parts), self.names["rates"]
         places = [(of, name) for of, names in self.names.items() for name in names]
         values = np.array([[part.get(of, {}).get(name, nan) for of, name in places] for part in parts], dtype=float)
+        held = settings.stabilisation
+        numbers = settings.dt, settings.tolerance, held.damping_ratio, held.frequency, nan if held.penalty is None else held.penalty
         results, evaluations = np.full((runs, len(KINDS), self.outputs), np.nan), np.full(runs, -1, dtype=np.int64)
         memory, undetermined, seconds = np.zeros(size // 8 + 1), np.zeros(len(speeds) + 1, dtype=np.uint8), ctypes.c_double()
         function(
-            memory.ctypes.data, runs, *steps, dt, tolerance, values.ctypes.data, ctypes.addressof(stop), results.ctypes.data,
-            evaluations.ctypes.data, undetermined.ctypes.data if is_first else None, ctypes.addressof(seconds),
+            memory.ctypes.data, runs, *steps, (ctypes.c_double * 5)(*numbers), values.ctypes.data, ctypes.addressof(stop),
+            results.ctypes.data, evaluations.ctypes.data, undetermined.ctypes.data if is_first else None, ctypes.addressof(seconds),
         )  # fmt: skip
         plain = results.astype(object)
         plain[~np.isfinite(results)] = None

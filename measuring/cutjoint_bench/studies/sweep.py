@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time, thread_time
@@ -165,7 +164,7 @@ def measure_lanes(console: Console) -> None:
         batch, cases = compile_scene_batch(study.model, study.scenes[0]), cases_of(study, runs)
         ways: dict[str, tuple[Callable[[], object], Callable[[], float]]] = {
             "one by one": (lambda: one.run(study.values), thread_time), "in lanes": (lambda: many.run(study.values), thread_time),  # noqa: B023
-            "batch": (lambda: simulate_batch(batch, cases, threads=1, check=False), _children),  # noqa: B023
+            "batch": (lambda: simulate_batch(batch, cases, threads=1, check=False), process_time),  # noqa: B023
         }  # fmt: skip
         a, b = one.run(study.values).series, many.run(study.values).series
         far = {"in lanes": f"{float((np.abs(a - b).max(axis=(0, 2)) / np.abs(a).max(axis=(0, 2))).max()):.0e}"}
@@ -210,7 +209,7 @@ def measure_throughput(console: Console, folder: Path, share: float) -> None:
         batch, seconds = compile_scene_batch(study.model, study.scenes[0]), []
         cases = cases_of(study, 256)
         for _ in range(3):
-            seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), _children))  # noqa: B023
+            seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), process_time))  # noqa: B023
         lanes = 1e3 * median(seconds) / len(cases)
         table.add_row(name, "batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "", "", "")
     console.print(table)
@@ -231,12 +230,6 @@ def _ways(cores: int) -> dict[str, Callable[[], AbstractContextManager[dict[str,
 def _addressed(start: Callable[..., AbstractContextManager[str]], *how: Any) -> Iterator[dict[str, Any]]:
     with start(*how) as address:
         yield {"scheduler": address}
-
-
-def _children() -> float:
-    """Processor seconds of processes that have ended."""
-    used = getrusage(RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def measure_tasks(console: Console, folder: Path) -> None:
