@@ -34,11 +34,13 @@ def command(
     require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
     parameters = options.read_parameters(changes)
     requested = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
-    request = Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions, options=requested)
-    read, chosen, by = read_request(replace(request, options=Options()))
+    request = Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions)
+    read, chosen, by = read_request(request)
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
-    done = _run(request, read, _with_options(chosen, by, requested), parameters, _cases(cases, read, parameters), threads, out)
+    code = replace(requested, dt=dt and 1.0, end=None, tolerance=None)  # of which code follows
+    runs = _cases(cases, read, parameters)
+    done = _run(replace(request, options=code), requested, read, _with_options(chosen, by, requested), parameters, runs, threads, out)
     _report_failures(done, cases, out)
 
 
@@ -66,10 +68,9 @@ def _compile(request: Request, model: Model, scene: Scene) -> BatchArtifact:
 
 
 def _run(
-    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
-    out: Path,
+    request: Request, requested: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]],
+    threads: int | None, out: Path,
 ) -> Batch:  # fmt: skip
-    requested = request.options
     with options.progress_bar(f"compiling {model.name}"):
         artifact = _compile(request, model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
