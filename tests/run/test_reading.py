@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,17 @@ def test_a_model_that_cannot_be_kept_is_read(model: Path, reads: list[str]) -> N
     assert (reading.read_model(model), len(reads)) == (first, 2)
 
 
+def test_a_law_that_sympy_would_evaluate_is_not_kept(model: Path, reads: list[str]) -> None:
+    model.write_text(_MODEL.replace("outputs", "forces: {law: {kind: joint_force, joint: one.rail, law: 'atan2(rate, 1)'}}\noutputs"))
+    first = reading.read_model(model)
+    assert (reading.read_model(model), len(reads)) == (first, 2)
+
+
+def test_files_in_latin_1_keep_their_digests(tmp_path: Path) -> None:
+    (tmp_path / "tyre.tir").write_bytes(b"$ 20 \xb0C\n")
+    assert origins.digests_of([str(tmp_path / "tyre.tir")]) == {str(tmp_path / "tyre.tir"): sha256("$ 20 °C\n".encode()).hexdigest()}
+
+
 def test_another_process_generates_the_same_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(reading, "_LONG", -1.0)
@@ -93,7 +105,7 @@ def test_another_process_generates_the_same_code(tmp_path: Path, monkeypatch: py
         "from cutjoint.compile.pipeline import generate\n"
         "m = reading.read_model(sys.argv[1]); s = next(iter(m.scenes.values())); print(generate(m, s, s.outputs).source.digest)"
     )
-    command = [sys.executable, "-c", script, MODELS / "six_bar.yaml"]
+    command = [sys.executable, "-c", script, str(MODELS / "six_bar.yaml")]
     done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ), check=True)
     scene = next(iter(read.scenes.values()))
     assert done.stdout.strip() == generate(read, scene, scene.outputs).source.digest

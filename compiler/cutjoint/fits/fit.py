@@ -238,6 +238,9 @@ class Solver:
             best = self.least_squares(best.x)
             iterations += best.njev
             self._estimate(best.x)
+            if self.study.profiles:  # whose costs are by the last weights
+                best = self.least_squares(best.x)
+                iterations += best.njev
         for name in np.array(self.names)[best.active_mask != 0]:
             self.note(f"{name} ends at its bound")
         jacobian = self.residuals(best.x)[1]
@@ -251,11 +254,8 @@ class Solver:
             deviations = np.nanstd(found, axis=0, ddof=1)
         quantile = float(t.ppf(0.975, max(samples - len(self.names), 1)))
         intervals = best.x + np.outer([-1, 1], quantile * deviations)
-        if self.study.profiles and np.isfinite(deviations).any():
-            guesses = [(i, side) for i in range(len(self.names)) for side in (0, 1) if isfinite(deviations[i])]
-            ends = np.array([[i, intervals[side, i] - best.x[i], best.cost, quantile, *best.x] for i, side in guesses])
-            for (i, side), end in zip(guesses, self._try("profiles", ends, out, scheduler)[:, 3:], strict=True):
-                intervals[side, i] = end[i] if isfinite(end[i]) else (-np.inf, np.inf)[side]
+        if self.study.profiles:
+            intervals = self._profile(best, quantile, self._covariance(jacobian)[0], out, scheduler)
         numbers, symbols = dict(zip(self.names, map(float, best.x), strict=True)), [p.symbol for p in self.study.parameters]
         tied = {s: float(v.xreplace(dict(zip(symbols, numbers.values(), strict=True)))) for s, v in self.study.ties.items()}
         results = self._results(best.x)
@@ -264,7 +264,7 @@ class Solver:
             deviations=deviations, intervals=intervals.T, correlations=correlations,
             numbers=numbers | tied, cost=float(best.cost), iterations=int(iterations), runs=self.runs.count,
             starts=tuple(map(float, costs)), before=before, after=after, signals=results,
-            faults=self._find_faults(best, after, np.abs(intervals - best.x).max(axis=0), results), study=self.study,
+            faults=self._find_faults(best, after, intervals, quantile * deviations, results), study=self.study,
         )  # fmt: skip
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
@@ -286,20 +286,27 @@ class Solver:
         """The fit at an end of an interval by profile likelihood, with ``distance`` as a first guess.
         There the least cost over the other parameters is half the square of the quantile above that of the best, or there is a bound.
         Raises RunError: none is near."""
-        known, begin, inside, outside = self.known, best, 0.0, np.inf
+        limit = float((self.high if distance > 0 else self.low)[place] - best[place])
+        known, begin, inside, outside, last, length = self.known, best, 0.0, np.inf, None, abs(distance)
         for _ in range(_SECANTS):
-            end = float(np.clip(best[place] + distance, self.low[place], self.high[place]))
-            deviation = _PINNED * (abs(end - best[place]) or abs(distance))
+            length = min(length, abs(limit))
+            end = float(np.clip(best[place] + copysign(length, distance), self.low[place], self.high[place]))
+            deviation = _PINNED * (length or abs(distance))
             self.known = np.append(known[0], place), np.append(known[1], end), np.append(known[2], deviation)
-            found = self.least_squares(np.where(np.arange(len(best)) == place, end, begin))
+            try:
+                found = self.least_squares(np.where(np.arange(len(best)) == place, end, begin))
+            except CutjointError:  # beyond what can run, as a mass below zero
+                outside, begin, length = length, best, (inside + length) / 2
+                continue
             share = sqrt(max(2 * (found.cost - cost), 0.0)) / quantile
-            if abs(share - 1) < _ENDED or (share < 1 and end != best[place] + distance):
+            if abs(share - 1) < _ENDED or (share < 1 and length == abs(limit)):
                 return found
-            inside, outside = (abs(distance), outside) if share < 1 else (inside, abs(distance))
-            longer = abs(distance) / max(share, 0.25)
+            inside, outside, last = (length, outside, found) if share < 1 else (inside, length, last)
+            longer = length / max(share, 0.25)
             longer = longer if inside < longer < outside else (inside + outside) / 2
-            begin = np.clip(best + (found.x - best) * longer / abs(distance), self.low, self.high)
-            distance = copysign(longer, distance)
+            begin, length = np.clip(best + (found.x - best) * longer / length, self.low, self.high), longer
+        if last is not None and outside < np.inf:  # the cost jumps, or nothing runs beyond
+            return last
         raise RunError(f"the data hardly tell {self.names[place]} = {end:.6g} from the best value")
 
     def through_windows(self, begin: Array) -> Any:
@@ -411,18 +418,38 @@ class Solver:
             self.note(f"{kind}: fit {number} " + (f"failed: {failure}" if failure else f"ends with cost {cost:.6g}"))
         return found
 
+    def _profile(self, best: Any, quantile: float, deviations: Array, out: Path, scheduler: str | None) -> Array:
+        """Intervals (2, parameters) by `find_end`, infinite where the data hardly tell values apart.
+        If a profile has a lower cost than the best, that has not converged."""
+        intervals = np.tile([[-np.inf], [np.inf]], len(best.x))
+        ends = [(i, side * quantile * deviations[i]) for i in range(len(best.x)) for side in (-1, 1) if isfinite(deviations[i])]
+        if ends:
+            tried = self._try("profiles", np.array([[*end, best.cost, quantile, *best.x] for end in ends]), out, scheduler)
+            for (i, distance), x in zip(ends, tried[:, 3:], strict=True):
+                intervals[int(distance > 0), i] = x[i] if isfinite(x[i]) else copysign(np.inf, distance)
+            cost, _, _, *x = tried[np.argmin(np.nan_to_num(tried[:, 0], nan=np.inf))]
+            if cost < best.cost - 1e-6 * max(best.cost, 1.0):
+                at = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, x, strict=True))
+                best.status, best.message = 0, f"a profile has a lower cost, {cost:.6g}, at {at}; start there"
+        return intervals
+
     def _results(self, theta: Array) -> tuple[SignalResult, ...]:
         fitted = zip(self.runs.predict(theta), self.deviations, strict=True)
         held_out = [(p, p.signal.deviation) for p in self.runs.predict(theta, validation=True)]
         return tuple(_result(p, float(s)) for p, s in (*fitted, *held_out))
 
-    def _find_faults(self, found: Any, after: Identifiability, reach: Array, results: Sequence[SignalResult]) -> dict[str, str]:
+    def _find_faults(
+        self, found: Any, after: Identifiability, intervals: Array, reach: Array, results: Sequence[SignalResult],
+    ) -> dict[str, str]:  # fmt: skip
         from scipy.stats import chi2
 
         faults = {}
         if found.status <= 0:
             faults["not converged"] = f"after {found.nfev} runs: {found.message}"
-        wide = [f"{n} (95 % interval: ±{x:.3g})" for n, x, size in zip(self.names, reach, self.sizes, strict=True) if size < x]
+        half, is_bounded = np.abs(intervals - found.x).max(axis=0), np.isclose(intervals, [self.low, self.high]).any(axis=0)
+        half = np.where(is_bounded, np.maximum(half, reach), half)  # a bound determines nothing
+        wide = [f"{name} (95 % interval: {low:.3g} to {high:.3g})" for name, (low, high), x, size in
+                zip(self.names, intervals.T, np.where(np.isinf(reach), 0.0, half), self.sizes, strict=True) if size < x]  # fmt: skip
         if after.open or wide:
             faults["not identified"] = "; ".join([*(f"no effect if together: {describe(x)}" for x in after.open), *wide])
         fitted = [r for r in results if not r.validation]

@@ -110,6 +110,8 @@ class _Reading:
         if document.design is not None and self.design is None and not self.problems:
             words = f"'{document.design.experiment}' is no experiment of the fit with a motion"
             self._fail(("design", "experiment"), words, nearest(document.design.experiment, document.experiments, "there are"))
+        if document.profiles and document.loss != "linear":
+            self._fail(("profiles",), "intervals by profiles are of linear losses", "use 'bootstrap', or remove 'loss'")
         if self.problems:
             raise self.problems.error()
         starts, resamples = document.starts, document.bootstrap

@@ -51,9 +51,11 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath
     begin = process_time()
     model = reading.read_model(path, tunable=tunable)
     if process_time() - begin > _LONG:
-        with suppress(PackageNotFoundError, ToolchainError):
-            record = {"by": _by(), "files": file_digests(model), "model": b64encode(pickle.dumps(model)).decode()}
-            write_record(_place(model.text.encode(), path, tunable), record)
+        with suppress(PackageNotFoundError, ToolchainError, pickle.PickleError, AttributeError, TypeError):  # it is read again
+            data = pickle.dumps(model)
+            if pickle.loads(data) == model:  # SymPy evaluates what was left unevaluated
+                record = {"by": _by(), "files": file_digests(model), "model": b64encode(data).decode()}
+                write_record(_place(model.text.encode(), path, tunable), record)
     return model
 
 

@@ -21,7 +21,12 @@ def digests_of(files: Iterable[str]) -> dict[str, str]:
     for file in files:
         require_input(Path(file))
         with Path(file).open("rb") as stream:
-            found[file] = sha256(stream.read(LARGEST).removeprefix(codecs.BOM_UTF8)).hexdigest()
+            content = stream.read(LARGEST).removeprefix(codecs.BOM_UTF8)
+        try:
+            content.decode()
+        except UnicodeDecodeError:  # the text of such a file is that in Latin-1
+            content = content.decode("latin-1").encode()
+        found[file] = sha256(content).hexdigest()
     return found
 
 
