@@ -19,7 +19,7 @@ import pytest
 import cutjoint
 from cutjoint.sparse.plan import LIBRARIES
 from cutjoint.toolchain.build import build_interpreter
-from cutjoint.toolchain.drivers import INTERPRETING, shipped_simulator
+from cutjoint.toolchain.drivers import DRIVERS, shipped_simulator
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 from tests.packaging.test_wheel import install
 
@@ -41,7 +41,7 @@ def with_this_machines(folder: Path) -> tuple[str, str]:
     """Python and its search path with a wheel that has the simulators and libraries of this machine."""
     binaries = folder / f"linux_{platform.machine()}"
     binaries.mkdir()
-    for driver in INTERPRETING:
+    for driver in DRIVERS:
         shutil.copy(build_interpreter(driver).path, binaries / shipped_simulator(driver).name)
     for name in LIBRARIES:
         ctypes.CDLL(ctypes.util.find_library(name))
@@ -93,7 +93,7 @@ def caller(folder: Path, python: str, site: str) -> Bare:
 def test_the_package_is_that_of_the_wheel(bare: Bare) -> None:
     done = bare("import cutjoint; from cutjoint.package.locations import binaries_folder; print(*sorted(binaries_folder().iterdir()))")
     assert str(ROOT) not in done.stdout
-    for name in (*(f"lib{name}.so" for name in LIBRARIES), *(shipped_simulator(driver).name for driver in INTERPRETING)):
+    for name in (*(f"lib{name}.so" for name in LIBRARIES), *(shipped_simulator(driver).name for driver in DRIVERS)):
         assert f"/{name}" in done.stdout, done.stdout + done.stderr
 
 

@@ -34,10 +34,7 @@ from cutjoint.toolchain.temporary import plain_folder
 #: The kinds of drivers, as `Source.driver` has them.
 DRIVERS = ("recursive", "lagrangian")
 
-#: The drivers with a simulator that interprets programs.
-INTERPRETING = ("recursive", "lagrangian")
-
-#: That simulator, as a part of its driver, and the file of each simulator.
+#: The simulator of a driver that interprets programs, as a part of it, and the file of each simulator.
 INTERPRETER, SIMULATOR = "interpreter", f"simulator{PROGRAM}"
 
 
@@ -150,7 +147,7 @@ def shipped_interpreter(driver: str) -> Path:
 
 def interpreter_is_there(driver: str, compiler: Compiler, flags: Sequence[str]) -> bool:
     """Return whether the simulator of a driver that interprets programs has been built."""
-    return driver in INTERPRETING and any(map(is_sound, interpreter_part(driver, compiler, flags).places))
+    return driver in DRIVERS and any(map(is_sound, interpreter_part(driver, compiler, flags).places))
 
 
 @contextmanager
@@ -183,7 +180,7 @@ def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
     ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written."""
     library = _library() if library is None else library
     parts = driver_parts(driver, compiler, flags, kind)
-    if driver in INTERPRETING and kind == Kind():
+    if kind == Kind():
         parts = (*parts, interpreter_part(driver, compiler, flags))
     with plain_folder(library) as folder, parts_for(parts, folder, library) as (definitions, missing):
         if missing:

@@ -44,8 +44,8 @@ _PASSES = ("not heavy and not cpp", "not heavy and cpp")
 #: What compiles the drivers that interpret programs, for a pass with a compiler.
 _DRIVERS = """
 from cutjoint.toolchain.build import build_interpreter
-from cutjoint.toolchain.drivers import INTERPRETING
-for driver in INTERPRETING:
+from cutjoint.toolchain.drivers import DRIVERS
+for driver in DRIVERS:
     build_interpreter(driver)
 """
 #: More tests than this that fail without the fault too say that the tree is broken.
