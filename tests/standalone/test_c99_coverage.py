@@ -92,7 +92,9 @@ def coverage(files: Mapping[str, str], p: str, steps: int, place: Path, rounds: 
     return {what: (float(share), int(number)) for what, share, number in found[:2]}
 
 
-@pytest.mark.parametrize("name", ["press", "press rk4", "press embedded rk4", "pushed", "pushed rk4", "delta", "iltis on balls embedded"])
+@pytest.mark.parametrize(
+    "name", ["press", "press rk4", "press embedded rk4", "pushed", "pushed rk4", "pushed newton", "delta", "iltis on balls embedded"]
+)
 def test_random_calls_take_most_branches(name: str, tmp_path: Path) -> None:
     files, standalone = exported(name)
     found = coverage(files, standalone.name, round(standalone.defaults.end / standalone.defaults.dt), tmp_path)

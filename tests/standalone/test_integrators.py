@@ -138,6 +138,21 @@ def test_inputs_and_parameters_count_from_the_next_step_on(method: str, integrat
     assert press.outputs["slider.x"] == pytest.approx(other.outputs["slider.x"], abs=1e-7)
 
 
+def test_a_fixed_number_of_newton_iterations_nears_the_converged_steps_of_loops(tmp_path: Path) -> None:
+    path, states = tmp_path / "press.yaml", []
+    path.write_text(PRESS.read_text().replace("{end: 2,", "{end: 2, numerics: {solver_tolerance: 1.0e-12},"))
+    sim = cutjoint.load(path, method="recursive-newton", integrator="trapezoidal")
+    for iterations in (0, 3, 1):
+        sim.reset(dt=1e-3, iterations=iterations)
+        sim.run(500)
+        states.append(sim.coordinates.array.copy())
+        assert iterations in (0, sim.last_step.iterations)
+        assert sim.last_step.violation < 1e-13
+    exact, three, one = states
+    assert np.abs(three - exact).max() < 1e-11
+    assert 1e-13 < np.abs(one - exact).max() < 1e-9
+
+
 def test_what_an_integrator_has_not_is_refused() -> None:
     with pytest.raises(TypeError, match="iterations are of method recursive with trapezoidal or rk4"):
         cutjoint.load(PRESS, integrator="dop853").reset(iterations=3)

@@ -16,7 +16,7 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.emit.c99 import ITERATIONS, UPDATES, Start, emit_c99
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.inputs import guided_by, input_parameters
-from cutjoint.methods import INTEGRATORS, METHODS, Events, join_or, names_of
+from cutjoint.methods import INTEGRATORS, METHODS, START, Events, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.toolchain.compiler import find_compiler
@@ -77,6 +77,11 @@ def make_c99(
             f"{loop.span}: language c99: the embedded loop of '{loop.independent}' depends on parameters; make them constants, or set "
             "loops: exact"
         )
+    if METHODS[method].has_system and (loops := standalone.parts.mechanism.equation_names):
+        raise RunError(
+            f"{scene.span}: language c99: method '{method}' has no loop equations, such as '{loops[0]}'; set loops: embedded, or use "
+            f"--method {START}"
+        )
     if explicit := standalone.steps.stages > 0:
         _require_explicit(standalone, scene, iterations)
     if iterations is None:
@@ -88,7 +93,8 @@ def make_c99(
     files = emit()
     if precision != "double":
         files = emit(errors=_measure_floats(standalone, files, iterations))
-    return C99Export(name=standalone.name, files=files, operations=standalone.parts.program.operations(METHODS[method].iteration))
+    program = (standalone.parts.system or standalone.parts).program
+    return C99Export(name=standalone.name, files=files, operations=program.operations(METHODS[method].iteration))
 
 
 def _require_explicit(standalone: Standalone, scene: Scene, iterations: int | None) -> None:
@@ -112,7 +118,7 @@ def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations
         flags = ("-x", "c", "-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared")
         subprocess.run([*find_compiler().command, *flags, f"{name}.c", "-lm", "-o", "made.so"], cwd=folder, check=True)
         libraries = [(Path(folder) / "made.so", ctypes.c_float), (build_start(standalone), ctypes.c_double)]
-        columns = standalone.parts.mechanism.columns
+        columns = standalone.parts.stepped.columns
         tables = []
         for path, kind in libraries:
             library = ctypes.CDLL(str(path))
@@ -140,7 +146,7 @@ def require_c99(model: Model, scene: Scene, method: str, integrator: str | None)
         raise RunError(f"language c99: method '{method}' has no C99; use {join_or(able)}")
     chosen = str(choose_steps(scene, method, integrator, equal_steps=True).integrator)
     if not INTEGRATORS[chosen].c99:
-        able = names_of(INTEGRATORS, lambda i: i.c99)
+        able = names_of(INTEGRATORS, lambda i: i.c99 and method in i.methods)
         raise RunError(f"{scene.span}: language c99: integrator '{chosen}' has no C99; use --integrator {join_or(able)}")
     faults = [
         f"{element.span}: language c99 has no {refusal.kind}, which '{element.name}' is; {refusal.remedy}"
@@ -167,11 +173,11 @@ def find_start(standalone: Standalone) -> Start:
         text = ctypes.create_string_buffer(1000)
         library[f"{p}_failure_text"](sim, text, ctypes.c_size_t(1000))
         raise RunError(f"the start fails: {text.value.decode()}")
-    state = standalone.parts.mechanism
+    state = standalone.parts.stepped
     equations = len(state.equation_names)
     lengths = {
         "coordinates": len(state.coordinate_names), "speeds": len(state.speed_names), "accelerations": len(state.speed_names),
-        "multipliers": equations, "penalties": len(state.closures),
+        "multipliers": equations, "penalties": len(state.mechanism.closures),
     }  # fmt: skip
     found = [_numbers(library[f"{p}_{name}"], sim, length) for name, length in lengths.items()]
     return Start(q=found[0], v=found[1], vdot=found[2], multipliers=found[3], penalties=found[4])

@@ -20,9 +20,10 @@ from cutjoint.package.locations import licence
 
 #: The functions of a mechanism that steps of fixed cost call, with loops and where these are projected.
 _CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("constraint_residual",), ("project",)
+_OF_NEWTON = ("dynamic_residual", "linearise")
 
 #: The statuses of steps that iterate, and of others; the first one's step failed. The others are of steps whose iterations are counted.
-_CAUSES, _COUNTED = {True: "diverged", False: "accelerations_not_finite"}, ("loops_violated", "limit_exceeded")
+_CAUSES, _COUNTED = ("diverged", "accelerations_not_finite", "newton_infinite"), ("loops_violated", "limit_exceeded")
 
 #: In code of C: comments, functions of the mathematical library that have a version for floats, and numbers that are not whole.
 _IN_CODE = re.compile(
@@ -56,14 +57,16 @@ def emit_c99(
     """The files by name; arguments as of `emit_standalone`, for a program without lanes. ``errors`` are those of floats, for the README:
     rows of an output's name, its largest error and its range. Raises RunError: a number of the model is too large for a float."""
     parts, view = prepare(parts, defaults, digest)
-    page, equations = parts.page, parts.mechanism
-    viewer = Viewer(parts.program, equations, dialect=C99)
-    iterated = not STEPS[parts.method][defaults.integrator].stages
-    has_loops, projected = bool(equations.equation_names), not iterated or CLOSURES[defaults.closure].penalty_of_each_cut
-    wanted = (*_CALLED, *(_WITH_LOOPS * has_loops), *(_PROJECTED * (has_loops and projected)))
+    page, equations, newton, program = parts.page, parts.stepped, parts.system is not None, (parts.system or parts).program
+    viewer = Viewer(program, equations, dialect=C99)
+    explicit = STEPS[parts.method][defaults.integrator].stages > 0
+    iterated = not explicit and not newton
+    has_loops, projected = bool(equations.equation_names), explicit or CLOSURES[defaults.closure].penalty_of_each_cut
+    wanted = (*_CALLED, *_OF_NEWTON, *(_WITH_LOOPS * has_loops), *(_PROJECTED * (has_loops and projected)))
+    counted = has_loops or not explicit
     called = [f.name for f in equations.functions if f.name in wanted]
     views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in called}}
-    functions = [_function(describe_function(name, parts.program), page.stem, found) for name, found in views.items()]
+    functions = [_function(describe_function(name, program), page.stem, found) for name, found in views.items()]
     bodies = [line for f in views.values() for line in _lines(f)]
     sizes = sizes_of(equations)["sizes"]
     assert isinstance(sizes, Mapping)
@@ -71,11 +74,12 @@ def emit_c99(
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
         "projected": projected, "charts": equations.charts, "libm": libm, "balls": any(chart.ball for chart in equations.charts),
-        "statuses": [STATUSES[cause] for cause in (_CAUSES[iterated], *_COUNTED * (iterated or has_loops), "infinite_acceleration")],
-        "iterated": iterated, "counted": iterated or has_loops, "real": "float" if precision == "single" else "double",
+        "statuses": [STATUSES[cause] for cause in (_CAUSES[explicit + 2 * newton], *_COUNTED * counted, "infinite_acceleration")],
+        "iterated": iterated, "explicit": explicit, "newton": newton, "counted": counted,
+        "pattern": parts.system and parts.system.plan.pattern, "real": "float" if precision == "single" else "double",
         "errors": errors, "single": precision == "single", "chooses": any("choose(" in line for line in bodies),
         "stabilised": any("stabilisation." in line for line in bodies) or (iterated and has_loops and bool(equations.inputs)),
-        "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
+        "cut_of": [max(0, bisect([c.first for c in parts.mechanism.closures], i) - 1) for i in range(len(equations.equation_names))],
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip
     header, code = str(view["header"]), page.render("c99/model.c.jinja", **view)
@@ -99,6 +103,7 @@ def _in_floats(found: re.Match[str]) -> str:
 def _function(about: str, stem: str, view: FunctionView) -> dict[str, object]:
     """A function of C with the simulation as its first argument; those of the stabilisation are constants of the file."""
     name, arguments, const = re.fullmatch(r"(\w+)\((.*)\)( const)?", view.declaration).groups()  # type: ignore[union-attr]
+    arguments = arguments.replace("const Weights<Real>& ", "weighting ")
     own = [f"{'const ' if const else ''}{stem}_sim* self", *(a for a in arguments.split(", ") if "<Real>" not in a)]
     text = "\n".join(_lines(view))
     names = [a.rpartition(" ")[2] for a in own]

@@ -149,10 +149,15 @@ class GuardedSolver {
 
   explicit GuardedSolver(const S& system) : fixed_(system), pivoting_(system), scaled_(system), right_(tangent_of(system).rows) {}
 
+  /// Pivot each matrix, whose solutions are then not checked, at constant cost.
+  void pivot_always(bool always) { always_ = always; }
+
   /// Factor the matrix with these values in the order of the pattern; they must stay until the last solve.
   Breakdown factor(const Real* values) {
     values_ = values;
-    now_.pivots = now_.trusted = false;
+    now_.pivots = false;
+    now_.trusted = always_;
+    if (always_) return fall_back();
     if (!fixed_.factor(values)) return {};
     return fall_back();
   }
@@ -226,6 +231,7 @@ class GuardedSolver {
   const Real* values_ = nullptr;
   Progress now_;
   long fallbacks_ = 0;
+  bool always_ = false;
 };
 
 }  // namespace cutjoint

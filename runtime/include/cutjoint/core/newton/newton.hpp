@@ -10,7 +10,8 @@
 namespace cutjoint {
 
 /// Settings of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
-/// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha, or finds one.
+/// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha, or finds one.  With
+/// `fixed_cost` a step has so many `iterations`, each with a tangent of its own, and is not divided.
 struct NewtonSettings {
   double dt;
   std::optional<double> penalty;
@@ -18,6 +19,7 @@ struct NewtonSettings {
   int iterations;
   int multiplier_updates;
   StepRule rule{};
+  bool fixed_cost = false;
 };
 
 /// Integrates a system with steps of equal length.  The unknown of a step is the acceleration at its end, from which follow
@@ -70,7 +72,7 @@ class Newton : public Workspace<S, Solver> {
 
   /// Forces have jumped: accelerations and multipliers of a state, by the factors of the step that ended there while these converge quickly.
   void follow_jump(StateOf<S>& state) {
-    if (!factored_) return follow_sample(state);
+    if (!factored_ || settings_.fixed_cost) return follow_sample(state);
     whole_ = state;
     system_.begin_step(state.t, Real(1));
     time_ = state.t;
@@ -99,11 +101,14 @@ class Newton : public Workspace<S, Solver> {
   [[gnu::noinline]] Fault step(StateOf<S>& state, long number) {
     this->number_ = number;
     const Fault fault = advance(state);
-    if (!fault || (own().halves() && advance_by_parts(state))) return {};
-    if (number_of_states(this->system_) != 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
+    if (!fault || (!settings_.fixed_cost && own().halves() && advance_by_parts(state))) return {};
+    if (!settings_.fixed_cost && number_of_states(this->system_) != 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
     system_.begin_step(state.t, Real(1));
     return fault;
   }
+
+  /// Settings of the next steps.
+  NewtonSettings& settings() { return settings_; }
 
   /// Go on with steps of another length.
   void set_step(Real length) {
@@ -267,7 +272,7 @@ class Newton : public Workspace<S, Solver> {
     return {};
   }
 
-  /// Accelerations by the factors at hand, which have this weight of the equations; `impatient` where other factors would converge sooner.
+  /// Accelerations by the factors at hand, which have this weight of the equations, by a fixed number of iterations if steps have one; `impatient` where other factors would converge sooner.
   Fault iterate_accelerations(StateOf<S>& state, Real weight, bool impatient) {
     bool converged = false, slow = false;
     for (int iteration = 0;; ++iteration) {
@@ -281,6 +286,7 @@ class Newton : public Workspace<S, Solver> {
       take(Real(1), weight, state);
       const Real last = change_;
       converged = start_converged(state, iteration);
+      if (settings_.fixed_cost) converged = iteration + 1 >= std::min(settings_.iterations, 200);
       slow = impatient && iteration > 0 && !(change_ <= last / 10);
     }
   }
@@ -303,7 +309,7 @@ class Newton : public Workspace<S, Solver> {
 
   Fault find_end(StateOf<S>& state) {
     system_.begin_step(time_, Real(1));
-    if (const Fault fault = own().renews_always() ? iterate(state) : iterate_warily(state)) return fault;
+    if (const Fault fault = own().renews_always() || settings_.fixed_cost ? iterate(state) : iterate_warily(state)) return fault;
     this->constraint_residual(state);
     if (const Fault fault = own().update_multipliers(state)) return fault;
     return project(state);
@@ -354,7 +360,7 @@ class Newton : public Workspace<S, Solver> {
     slow_ = false;
     for (int iteration = 1;; ++iteration) {
       follow(state);
-      const bool renewed = own().renews_always() || wary_ || damped_ || !factored_ || slow_;
+      const bool renewed = own().renews_always() || settings_.fixed_cost || wary_ || damped_ || !factored_ || slow_;
       if (renewed) update_ball_tangents();
       own().approach(state, iteration, renewed);
       if (renewed && iteration > 1 && !finite(largest_move())) return give_up(Cause::newton_infinite, iteration);
@@ -366,11 +372,12 @@ class Newton : public Workspace<S, Solver> {
       if (damped_) full_vdot_ = state.vdot, full_lambda_ = lambda_;
       take(Real(1) / k_, own().start_weights().constraint, state);
       ++iterations_;
-      if (converged(state, iteration) && own().may_end() && (!damped_ || m_ == 0 || near)) break;
+      if (converged(state, iteration) && own().may_end() && (!damped_ || m_ == 0 || near) && !settings_.fixed_cost) break;
+      if (settings_.fixed_cost && iteration == settings_.iterations && finite(change_)) break;
       if (damped_)
         if (const Fault fault = shorten(state)) return fault;
       if (!finite(change_)) return give_up(Cause::newton_infinite, iteration);
-      if (!damped_ && growing_ >= 5 && change_ > Real(1e3) * smallest_) return give_up(Cause::newton_diverging, iteration);
+      if (!damped_ && !settings_.fixed_cost && growing_ >= 5 && change_ > Real(1e3) * smallest_) return give_up(Cause::newton_diverging, iteration);
       if (iteration >= settings_.iterations) return give_up(Cause::newton_not_converged, iteration);
     }
     follow(state);

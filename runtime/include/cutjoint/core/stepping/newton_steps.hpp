@@ -75,7 +75,9 @@ class NewtonSteps {
 
   NewtonSteps(S& system, const Settings& settings, const Road<Real>*)
       : system_(system), solver_(solver_for<Solver>(system, settings)), newton_(system, solver_, newton_settings(settings)), h_(settings.dt),
-        shift_(sizes_of(system).speeds), single_(system, settings), impacts_(system, settings.end) {}
+        shift_(sizes_of(system).speeds), single_(system, settings), impacts_(system, settings.end) {
+    fix(settings);
+  }
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
@@ -161,6 +163,7 @@ class NewtonSteps {
 
   /// A step where no guide jumps.
   Fault step_within(StateOf<S>& state, const SimulationSettings& settings, Real h, long number) {
+    fix(settings);
     if constexpr (requires { newton_.close_loops(state); })
       if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);
     if (h != h_) {
@@ -170,6 +173,13 @@ class NewtonSteps {
     const Fault fault = newton_.step(state, number);
     if (fault || !(h < Real(settings.dt) / 100)) return fault;
     return newton_.go_on(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
+  }
+
+  /// Steps have a fixed number of iterations or as many as they need.
+  void fix(const SimulationSettings& settings) {
+    newton_.settings().iterations = settings.fixed_point.iterations;
+    newton_.settings().fixed_cost = settings.fixed_point.fixed_cost;
+    if constexpr (requires { solver_.pivot_always(true); }) solver_.pivot_always(settings.fixed_point.fixed_cost);
   }
 
   /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would keep no digits.
