@@ -12,7 +12,7 @@ import pytest
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit import view
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Numerics
 from cutjoint.run.scenes import find_scene
 from tests.compile_run.generated import examined, interpret, random_states, run_evaluate, run_functions
@@ -95,6 +95,30 @@ def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str, closed:
             scale = max(1.0, float(np.abs(values).max(initial=0.0)))
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-9 * scale, name
         assert list(results["kinetic"]) == [results["energy"][0], -1.0]  # without the power
+
+
+#: Its kinetic energy follows from time alone, and the power of its forces does not.
+_GUIDED = """
+cutjoint: 1
+name: guided
+gravity: [0, 0, -9.81]
+bodies: {mass: {mass: 2, centre_of_mass: [1, 0, 0]}}
+joints: {slide: {kind: prismatic, bodies: [ground, mass], at: [1, 0, 0], axis: z, guide: 0.1*sin(t)}}
+states: {pressure: {start: 1 Pa, rate: 100 - 3*pressure}}
+forces: {pull: {kind: load, body: mass, at: [1, 0, 0], force: [0, 0, 3*pressure]}}
+scenes: {run: {end: 1}}
+"""
+
+
+def test_kinetic_energy_is_stored_where_it_is_computed_by_no_statement(tmp_path: Path) -> None:
+    """The function that may end early does so behind the kinetic energy only."""
+    model = read_model_text(_GUIDED, "guided.yaml")
+    scene = replace(find_scene(model, None), numerics=Numerics(penalty=1e4, closure="penalty"))
+    equations, _, source = generate(model, scene, ())
+    states = random_states(equations, 3, seed=2)
+    for state, results in zip(states, run_functions(source, tmp_path, model, scene, states), strict=True):
+        assert results["energy"][0] == pytest.approx((0.1 * np.cos(state.t)) ** 2, rel=1e-14)
+        assert results["kinetic"][0] == results["energy"][0]
 
 
 def test_a_second_compilation_is_found_in_the_cache() -> None:

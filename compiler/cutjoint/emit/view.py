@@ -213,10 +213,10 @@ class Viewer:
     ) -> tuple[Mapping[int, Sequence[tuple[str, int]]], Sequence[Result]]:  # fmt: skip
         """Results that are stored where their unsigned scalars are computed, by these, and those stored at the end of a function."""
         early: defaultdict[int, list[tuple[str, int]]] = defaultdict(list)
-        most = len(rolled.results) if name in _STORED_EARLY else 1 if name in _ENDS_EARLY else 0
+        most = len(rolled.results) if name in _STORED_EARLY else 1 if name in _ENDS_EARLY else 0  # the first alone ends a function
         late, found = [], set(single)
-        for r in rolled.results:
-            if len(early) < most and (bare := rolled.graph.signless(r.scalar)) in found:
+        for i, r in enumerate(rolled.results):
+            if i < most and (bare := rolled.graph.signless(r.scalar)) in found:
                 early[bare].append((self._target(r, rolled.graph), r.scalar))
             else:
                 late.append(r)
