@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.derivation import schedule_method
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
@@ -94,6 +95,15 @@ def test_states_and_controllers_carry_over() -> None:
         assert difference < 1e-8, (name, difference)
     assert gone_on.statistics.events_by_element == exact.statistics.events_by_element
     assert exact.statistics.events > 0
+
+
+def test_runs_of_one_model_derive_the_loops_equations_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs with other steps go on by the same program."""
+    artifact, made = compiled(CONTROLLED, "fall", "embedded"), []
+    monkeypatch.setattr("cutjoint.compile.interpreted.schedule_method", lambda *a, **b: made.append(a) or schedule_method(*a, **b))
+    for tolerance in (1e-8, 1e-9):
+        assert simulate(artifact, integrator="dormand-prince", tolerance=tolerance, error=False).fallback
+    assert len(made) == 1
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])

@@ -1,6 +1,7 @@
 """From a model to generated source: Model -> Topology -> Equations -> Program -> Source."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from warnings import warn
 
 from cutjoint.analysis.mobility import require_soundness
@@ -80,10 +81,10 @@ def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
 
 
 def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
-    """Return a function that compiles the model without loop embedding, for runs that leave its range; None if the scene stops there."""
+    """A function that compiles the model without loop embedding, once, for runs that leave its range; None if the scene stops there."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
     if not topology.model.embedded_loops or scene.on_violation == "stop":
         return None
     from cutjoint.analysis.embedding.embed import without_functions  # imported here because other runs do not need it
 
-    return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))
+    return cache(lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT)))

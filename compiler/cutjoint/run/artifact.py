@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -197,12 +197,11 @@ def _continuation(
 
     Guides follow the scene's inputs; with other inputs there is no continuation.
     """
-    model, compile_exact = artifact.topology.model, artifact.exact
-    if compile_exact is None or constant_inputs(model, parameters or {}) or inputs:
+    model, exact = artifact.topology.model, artifact.exact
+    if exact is None or constant_inputs(model, parameters or {}) or inputs:
         return None
     from cutjoint.analysis.embedding.embed import state_of_loops  # imported here, so that other runs do not wait for it
 
-    exact = cache(compile_exact)
     return Continuation(
         guards=tuple(embedded_loop.independent for embedded_loop in model.embedded_loops),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
