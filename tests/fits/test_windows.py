@@ -64,8 +64,10 @@ def test_a_residual_is_above_its_deviation_by_more_than_chance(samples: int, rat
     of: Any = SimpleNamespace(is_pose=True, name="run", validation=False)
     result = _result(Prediction(experiment=of, signal=signal, values=0 * values, derivatives=values[:, None]), deviation)
     result = replace(result, explained=1 - (ratio * deviation) ** 2)  # of a signal that changes by 1
-    solver: Any = SimpleNamespace(names=[], sizes=[], study=SimpleNamespace(loss="linear"))
-    faults = Solver._find_faults(solver, SimpleNamespace(status=1), identify(np.ones((2, 1)), ["p"], np.ones(1), 2), np.zeros(0), [result])
+    none = np.zeros(0)
+    solver: Any = SimpleNamespace(names=[], sizes=[], low=none, high=none, study=SimpleNamespace(loss="linear"))
+    after = identify(np.ones((2, 1)), ["p"], np.ones(1), 2)
+    faults = Solver._find_faults(solver, SimpleNamespace(status=1, x=none), after, np.zeros((2, 0)), none, [result])
     assert bool(faults) is is_loud
 
 

@@ -1,5 +1,7 @@
 """Models from files; those that take long to read are kept in the cache."""
 
+from __future__ import annotations
+
 import codecs
 import json
 import pickle
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 _LONG = 0.5
 
 
-def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath | None = None) -> "Model":
+def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
     """Read and check a model file, or a URDF, SDF or MJCF file; numbers of the result are SI.
 
     Args:
@@ -59,7 +61,7 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath
     return model
 
 
-def file_digests(model: "Model") -> dict[str, str]:
+def file_digests(model: Model) -> dict[str, str]:
     """The digests of the files that a model names, but for the package's own, as `digests_of` finds them."""
     from cutjoint.model.files.referenced import SHIPPED
 
