@@ -2,7 +2,11 @@
 #ifndef CUTJOINT_LIBM_NAMES_H
 #define CUTJOINT_LIBM_NAMES_H
 
+#ifdef __cplusplus
+#if __has_include(<features.h>) /* newlib has none */
 #include <features.h>
+#endif
+#endif
 
 #if defined(__cplusplus) && defined(__GLIBC__)
 #define CUTJOINT_THROWS_NOTHING noexcept

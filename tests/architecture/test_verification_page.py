@@ -35,7 +35,7 @@ REASONS = {
     "qemu, Frama-C": (
         "exported code on ARM", "C99 for controllers on ARM",
         "C99 for controllers: no undefined behaviour in calls of any order with any finite numbers, any state; press, also by "
-        "`rk4`, four-bar, a cart with a ball by `rk4` and `recursive-newton`",
+        "`rk4`, four-bar, a cart with a ball by `rk4` and `recursive-newton`, a tyre on a road",
         "C99 for controllers: the bound on instructions of a step",
         "the observer of `examples/`: no undefined behaviour with any finite measurements and states",
     ),

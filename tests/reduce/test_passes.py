@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.methods import METHODS
 from cutjoint.model.outcome import Note, Outcome, Pass
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.sequence import Step, cheapest_by, lighten_links, reduction_sequence
+from cutjoint.reduce.sequence import Step, lighten_links, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
@@ -293,16 +292,3 @@ def test_what_a_method_refuses_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cutjoint.reduce.sequence.STEPS", (Step(name="laid", reduce=lambda model, scene: laid),))
     (variant,) = reduction_sequence(upright, upright.scenes["run"], "classical")
     assert (variant.model, variant.left[-1].text) == (upright, "stays: the method classical cannot solve the model after the pass 'laid'")
-    full = reduction_sequence(upright, upright.scenes["run"], "augmented")[0]
-    (cheapest,) = cheapest_by("classical", [full, replace(full, name="laid", model=in_line, scene=in_line.scenes["run"])])
-    assert (cheapest.model, cheapest.method) == (upright, "classical")
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_what_is_cheapest_of_a_sequence_is_the_end_of_a_method_s_own(method: str) -> None:
-    """The Lagrangian methods leave the pass `links` out, which saves them nothing."""
-    model = read_model_text(SPATIAL, "spatial.yaml")
-    of_recursive = reduction_sequence(model, model.scenes["fall"])
-    (cheapest,) = cheapest_by(method, of_recursive)
-    own = reduction_sequence(model, model.scenes["fall"], method)[-1]
-    assert (cheapest.name, cheapest.method, cheapest.operations) == (own.name, own.method, own.operations)

@@ -93,7 +93,10 @@ def coverage(files: Mapping[str, str], p: str, steps: int, place: Path, rounds: 
 
 
 @pytest.mark.parametrize(
-    "name", ["press", "press rk4", "press embedded rk4", "pushed", "pushed rk4", "pushed newton", "delta", "iltis on balls embedded"]
+    "name", [
+        "press", "press rk4", "press embedded rk4", "pushed", "pushed rk4", "pushed newton", "delta", "rolled", "rolled newton",
+        "iltis embedded",
+    ],
 )
 def test_random_calls_take_most_branches(name: str, tmp_path: Path) -> None:
     files, standalone = exported(name)

@@ -6,16 +6,17 @@ from shutil import which
 
 import pytest
 
-from cutjoint_bench.studies.step_bound import CASES, PREFIX, compare
+from cutjoint_bench.studies.step_bound import CASES, PROCESSORS, compare
 from tests.conftest import needs_cpp
 
-pytestmark = [
-    needs_cpp, pytest.mark.heavy,
-    pytest.mark.skipif(not (which("qemu-aarch64") and which(f"{PREFIX}gcc")), reason="needs qemu-user and gcc-aarch64-linux-gnu"),
-]  # fmt: skip
+pytestmark = [needs_cpp, pytest.mark.heavy]
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_no_step_takes_more_and_the_bound_is_at_most_half_above(case: tuple[str, str | None, bool]) -> None:
-    for bound, count in compare(*case):
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_no_step_takes_more_and_the_bound_is_at_most_half_above(processor: str, case: tuple[str, str | None, bool]) -> None:
+    of = PROCESSORS[processor]
+    if not (which(of.run[0]) and which(f"{of.prefix}gcc")):
+        pytest.skip(f"needs {of.run[0]} and {of.prefix}gcc")
+    for bound, count in compare(*case, processor):
         assert count <= bound <= 1.5 * count

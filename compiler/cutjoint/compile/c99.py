@@ -15,7 +15,6 @@ from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_par
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.c99 import ITERATIONS, UPDATES, Start, emit_c99
 from cutjoint.formulate.events import guides_jump
-from cutjoint.formulate.inputs import guided_by, input_parameters
 from cutjoint.methods import INTEGRATORS, METHODS, START, Events, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
@@ -40,10 +39,10 @@ _REFUSED = (
         remedy="make its values inputs, and compute them in your program between steps"),
     _Refusal(kind="state", found=lambda m, s: m.states, remedy="make its value an input, and integrate it in your program"),
     _Refusal(kind="function", found=lambda m, s: m.functions, remedy="write it as an expression or a table"),
-    _Refusal(kind="tyre", found=lambda m, s: [f for f in m.forces if f.has_road], remedy="apply its force as inputs (--external-wrench)"),
+    _Refusal(kind="scene with a surface or friction of its road",
+        found=lambda m, s: [s] if s.road.parts and any(f.has_road for f in m.forces) else [],
+        remedy="write its heights as segments"),
     _Refusal(kind="omitted force", found=lambda m, s: m.guards, remedy="compile the full model"),
-    _Refusal(kind="input of a guide", found=lambda m, s: [p for p in input_parameters(m) if guided_by(m, p)],
-        remedy="give the scene its motion as a function of t"),
     _Refusal(kind="guide that may jump", found=lambda m, s: [j for j in m.joints if j.guide] if guides_jump(m, s) else [],
         remedy="write its motion without piecewise formulas, abs and sign"),
     _Refusal(kind="scene with located events", found=lambda m, s: [s] if s.numerics.events == Events.LOCATED else [],

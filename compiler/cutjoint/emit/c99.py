@@ -70,6 +70,7 @@ def emit_c99(
     bodies = [line for f in views.values() for line in _lines(f)]
     sizes = sizes_of(equations)["sizes"]
     assert isinstance(sizes, Mapping)
+    settable = equations.inputs if str(view["guiding"]).count(",") < len(equations.inputs) else ()
     view |= {
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
@@ -78,8 +79,9 @@ def emit_c99(
         "iterated": iterated, "explicit": explicit, "newton": newton, "counted": counted,
         "pattern": parts.system and parts.system.plan.pattern, "real": "float" if precision == "single" else "double",
         "errors": errors, "single": precision == "single", "chooses": any("choose(" in line for line in bodies),
-        "stabilised": any("stabilisation." in line for line in bodies) or (iterated and has_loops and bool(equations.inputs)),
+        "stabilised": any("stabilisation." in line for line in bodies) or (iterated and has_loops and bool(settable)),
         "cut_of": [max(0, bisect([c.first for c in parts.mechanism.closures], i) - 1) for i in range(len(equations.equation_names))],
+        "lookups": set(re.findall(r"\broad_(\w+)\(", "\n".join(bodies))), "inputs": settable,
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip
     header, code = str(view["header"]), page.render("c99/model.c.jinja", **view)

@@ -18,16 +18,22 @@ LONGEST = 180  #: an expression longer than this gets a name of its own
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """How a language writes constants, members of a class (by record and name), and functions that it calls by other names."""
+    """How a language writes constants, members of a class (by record and name), functions, and lookups of a road (by name and number).
+    Whether a host ``gives_roads``, which may have a surface."""
 
     constant: str = "Real({})"
     negative: str = "Real({})"
     member: str = "{}_.{}"
     functions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    road: str = "roads_[{0}].{2}({3})"
+    gives_roads: bool = True
 
 
 CPP = Dialect()
-C99 = Dialect(constant="{}", negative="({})", member="self->{}.{}", functions=MappingProxyType({"abs": "fabs", "where": "choose"}))
+C99 = Dialect(
+    constant="{}", negative="({})", member="self->{}.{}", functions=MappingProxyType({"abs": "fabs", "where": "choose"}),
+    road="road_{2}({1}, {3})", gives_roads=False,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,12 +173,14 @@ class Printer:
         node = self.graph.nodes[n]
         a = node.args
         arguments = ", ".join(self.text(x) for x in a)
-        if node.op.startswith(SURFACE):
-            lookup, by = surface_lookup(node.op)
-            road = f"roads_[{self.roads[str(node.data)]}]"
-            return f"{road}.{lookup.removeprefix('road_')}({arguments}, {by.count('x')}, {by.count('y')})"
         if node.op.startswith("road_"):
-            return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
+            road, lookup = str(node.data), node.op
+            if node.op.startswith(SURFACE):
+                lookup, by = surface_lookup(node.op)
+                if not self.dialect.gives_roads:  # level ground, of full friction
+                    return self.dialect.constant.format(float(node.op == "road_friction"))
+                arguments += f", {by.count('x')}, {by.count('y')}"
+            return self.dialect.road.format(self.roads[road], list(self.roads).index(road), lookup.removeprefix("road_"), arguments)
         if node.op.startswith(SUPPLIED):
             return _supplied(SuppliedCall.read(node.op), "Real", arguments)
         row = OPERATIONS[node.op]

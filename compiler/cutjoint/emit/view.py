@@ -145,7 +145,7 @@ class Viewer:
 
     def load(self) -> FunctionView:
         """The stage of parameters."""
-        keeping = ("roads_ = roads;",) if self._roads else ()
+        keeping = ("roads_ = roads;",) if self._roads and self._dialect.gives_roads else ()
         arguments = (*self._equations.load_arguments, *(["const Real* series"] if self._equations.fits else []))
         return self._early(self.load_name, arguments, self._program.loaded, BindingTime.PARAM, dict(self._inputs), keeping)
 

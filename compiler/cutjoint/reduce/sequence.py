@@ -176,39 +176,6 @@ def started(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tupl
     return model, with_solved_coordinates(model, scene, values)
 
 
-def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedModel]:
-    """The cheapest models for a method in another method's reduction sequence.
-
-    For each motion it is the last model, or the one before as long as that costs less.  A motion is left out unless it costs less than the
-    motions before.  The result of a pass does not depend on the method, only its profit does.  So no pass runs again, and few models are
-    derived. Raises ModelError, EquationsError, RunError: the method takes none of them; the error is the full model's.
-    """
-    found: list[ReducedModel] = []
-    for motion in MOTIONS:
-        best = _cheapest(method, [reduced for reduced in sequence if reduced.motion == motion])
-        if best is not None and all(best.operations < other.operations for other in found):
-            found.append(best)
-    return found or [_derived(method, sequence[0])]
-
-
-def _cheapest(method: str, sequence: Sequence[ReducedModel]) -> ReducedModel | None:
-    best: ReducedModel | None = None
-    for reduced in reversed(sequence):
-        try:
-            other = _derived(method, reduced)
-        except _REFUSALS:
-            continue
-        if best is not None and other.operations >= best.operations:
-            break
-        best = other
-    return best
-
-
-def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
-    outcome = Outcome(model=reduced.model, scene=reduced.scene, done=reduced.done)
-    return _count(reduced.name, outcome, method, motion=reduced.motion)
-
-
 def _ruled_out(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
     """The passes that are not tried on a model with gears, or with laws that read quantities."""
     text = f"rules out the passes {', '.join(step.name for step in steps if not step.readings)}, which change what it may read"

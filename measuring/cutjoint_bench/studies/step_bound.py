@@ -1,10 +1,10 @@
 """A bound on the instructions of a step of C99 code, from its control flow, beside the count of an emulated run.
 
-The bound is the longest path through each function of an aarch64 object: a loop counts as often as its `for` statement in C allows, a copy
-of n bytes as 40 + n/8.  Excluded: the reduction of angles beyond 1e6 rad, and square roots of negative numbers.  The count is the largest
-of steps in qemu-aarch64, which logs each instruction: 100 from the start of the scene, and 100 from there on with all angles of the state
-turned by 159154 turns, near 1e6 rad, where sines and cosines take longer.  Parameters and inputs change before each step.
-Both numbers are also given without the mathematical library.
+The bound is the longest path through each function of an object for aarch64 or Cortex-M7: a loop counts as often as its `for` statement in
+C allows, a copy of n bytes as 40 + n/8, on Cortex-M7 40 + n/3.  Excluded: the reduction of angles beyond 1e6 rad, and square roots of
+negative numbers.  The count is the largest of steps in QEMU (qemu-aarch64; the board mps2-an500), which logs each instruction: 100 from the
+start of the scene, and 100 from there on with all angles of the state turned by 159154 turns, near 1e6 rad, where sines and cosines take
+longer.  Parameters and inputs change before each step.  Both numbers are also given without the mathematical library.
 """
 
 from __future__ import annotations
@@ -25,17 +25,74 @@ from rich.table import Table
 from cutjoint.compile.c99 import make_c99
 from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
+from cutjoint.methods import Events, Loops
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_case, with_default_closure
 from cutjoint.toolchain.wasm import mathematics
 from cutjoint_bench.studies.checkout import MODELS
 
-PREFIX = "aarch64-linux-gnu-"
 FLAGS = ("-g", "-O2", "-fno-tree-vectorize", "-fno-tree-loop-distribute-patterns", "-fno-math-errno")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Processor:
+    """The tools of a processor, and its instructions: patterns of names (of names and operands for returns), and bytes copied by one."""
+
+    prefix: str
+    flags: tuple[str, ...] = ()
+    link: tuple[str, ...] = ()
+    run: tuple[str, ...]
+    jump: str
+    always: str
+    back: str
+    copied: str
+    bytes_each: int
+
+
+PROCESSORS = {
+    "aarch64": Processor(
+        prefix="aarch64-linux-gnu-", link=("-static",), run=("qemu-aarch64",), jump=r"b|b\.\w+|cbn?z|tbn?z", always="b",
+        back=r"(ret|udf)\b.*", copied=r"x2, #(0x\w+|\d+)", bytes_each=8,
+    ),
+    "cortex-m7": Processor(
+        prefix="arm-none-eabi-", flags=("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16"),
+        link=("-nostartfiles", "-T", "board.ld", "board.c"),
+        run=("qemu-system-arm", "-M", "mps2-an500", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel"),
+        jump=r"(b(?!lx?\b|x\b|ic|fc|kpt)\w*(\.[nw])?)|cbn?z", always=r"b(\.[nw])?",
+        back=r"(pop|ldmia)\S* .*pc\}|bx\S* lr|udf.*|ldr\S* pc, \[sp\].*",
+        copied=r"r2, #(0x\w+|\d+)", bytes_each=3,
+    ),
+}  # fmt: skip
+
+#: The start of a program on a board without an operating system, with semihosting for its end.
+BOARD = """
+extern int main(void);
+static void reset(void);
+__attribute__((section(".vectors"), used)) static void* const vectors[2] = {(void*)0x20400000, (void*)reset};
+static void reset(void) {
+  *(volatile unsigned*)0xE000ED88 |= 0xfu << 20; /* the floating-point unit */
+  __asm volatile("dsb; isb");
+  const unsigned end = main() == 0 ? 0x20026 : 0x20024;
+  register unsigned call __asm("r0") = 0x18, reason __asm("r1") = end;
+  __asm volatile("bkpt 0xab" : : "r"(call), "r"(reason));
+  for (;;) {}
+}
+"""
+LAYOUT = """
+SECTIONS {
+  . = 0;
+  .text : { KEEP(*(.vectors)) *(.text*) *(.rodata*) *(.data*) }
+  . = 0x20000000;
+  .bss : { *(.bss*) *(COMMON) }
+}
+"""
 NEVER = float("-inf")
 
 #: Calls that no step within the stated limits makes.
 EXCLUDED = frozenset({"cutjoint_k_rem_pio2_large", "sqrt"})
+
+#: Functions of the C library that copy and fill.
+COPIES = frozenset({"memcpy", "memset", "memmove"})
 
 #: The beginning of names of the mathematical library.
 LIBRARY = "cutjoint_"
@@ -76,6 +133,7 @@ Places = tuple[tuple[str, int], ...]
 class Code:
     """The functions of an object file, and the largest numbers of rounds of its loops by source line."""
 
+    processor: Processor
     functions: dict[str, list[tuple[int, str, str, Places]]]
     rounds: Mapping[tuple[str, int], int]
     without_library: bool = False
@@ -108,14 +166,14 @@ class Function:
         return max(found.get(block, NEVER) for block in self.ends)
 
     def _find_blocks(self) -> None:
-        known = {a for a, *_ in self.instructions}
+        known, of = {a for a, *_ in self.instructions}, self.code.processor
         first, jumps = {self.instructions[0][0]}, {}
         for i, (address, name, operands, _) in enumerate(self.instructions):
-            if re.fullmatch(r"b|b\.\w+|cbn?z|tbn?z", name):
+            if re.fullmatch(of.jump, name):
                 jumps[address] = int(re.findall(r"\b([0-9a-f]+) <", operands)[0], 16)
                 first |= {jumps[address]} & known
-            elif name not in ("ret", "udf"):
-                assert name != "br", "a jump by a table"
+            elif not re.fullmatch(of.back, f"{name} {operands}"):
+                assert name not in ("br", "tbb", "tbh"), "a jump by a table"
                 continue
             if i + 1 < len(self.instructions):
                 first.add(self.instructions[i + 1][0])
@@ -134,12 +192,16 @@ class Function:
                 self.next[start].append(jumps[address])
             elif address in jumps:  # a call in place of a return
                 called.append(re.findall(r"<([\w.]+)>", operands)[0])
-            if name not in ("b", "ret", "udf") and end < 1 << 62:
+            returns, jumps_always = bool(re.fullmatch(of.back, f"{name} {operands}")), bool(re.fullmatch(of.always, name))
+            if not (returns or jumps_always) and end < 1 << 62:
                 self.next[start].append(end)
-            elif name == "ret" or (name == "b" and not self.next[start]):
+            elif (returns and name != "udf") or (jumps_always and not self.next[start]):
                 self.ends.append(start)
-            bytes_copied = [int(found[1], 16) for row in block if (found := re.match(r"x2, #(0x\w+)", row[2]))]
-            prices = [40 + bytes_copied[-1] / 8 if call.startswith(".plt") else self.code.bound(call) for call in called]
+            bytes_copied = [int(found[1], 0) for row in block if (found := re.match(of.copied, row[2]))]
+            copies = [call in COPIES or call.startswith(".plt") for call in called]
+            prices = [
+                40 + bytes_copied[-1] / of.bytes_each if copy else self.code.bound(call) for call, copy in zip(called, copies, strict=True)
+            ]  # fmt: skip
             self.price[start] = len(block) + sum(prices)
 
     def _longest(self, blocks: set[int], entry: int, cut: frozenset[tuple[int, int]]) -> dict[int, float]:
@@ -211,9 +273,9 @@ def _components(blocks: set[int], entry: int, after: object) -> list[set[int]]:
     return found[::-1]
 
 
-def read_code(binary: Path, sources: Mapping[str, str], rounds: Mapping[str, int]) -> Code:
+def read_code(processor: Processor, binary: Path, sources: Mapping[str, str], rounds: Mapping[str, int]) -> Code:
     """The code of an object file; ``rounds`` are the values of limits of loops that are no numbers."""
-    call = [f"{PREFIX}objdump", "-dl", "--inlines", "--no-show-raw-insn", str(binary)]
+    call = [f"{processor.prefix}objdump", "-dl", "--inlines", "--no-show-raw-insn", str(binary)]
     said = subprocess.run(call, check=True, capture_output=True, text=True).stdout
     functions: dict[str, list[tuple[int, str, str, Places]]] = {}
     rows, place = [], ("", 0)
@@ -229,7 +291,8 @@ def read_code(binary: Path, sources: Mapping[str, str], rounds: Mapping[str, int
         elif row := re.match(r" +([0-9a-f]+):\t(\S+)\s*(.*)", line):
             rows.append((int(row[1], 16), row[2], row[3], (*callers, place)))
             callers = []
-    return Code({name: [row for row in body if row[1] != "nop"] for name, body in functions.items()}, _limits(sources, rounds))
+    functions = {name: [row for row in body if not row[1].startswith("nop")] for name, body in functions.items()}
+    return Code(processor, functions, _limits(sources, rounds))
 
 
 def _limits(sources: Mapping[str, str], rounds: Mapping[str, int]) -> dict[tuple[str, int], int]:
@@ -251,7 +314,8 @@ def measure(binary: Path, name: str, code: Code) -> tuple[int, int]:
     back = code.functions["main"][calls[0] + 1][0]
     library = {row[0] for function, rows in code.functions.items() if function.startswith(LIBRARY) for row in rows}
     most, now = [0, 0], [0, 0]
-    call = ["qemu-aarch64", "-singlestep", "-d", "exec,nochain", "-D", "/dev/stdout", str(binary)]
+    qemu, *options = code.processor.run
+    call = [qemu, "-singlestep", "-d", "exec,nochain", "-D", "/dev/stdout", *options, str(binary)]
     with subprocess.Popen(call, stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout
         for line in run.stdout:
@@ -274,20 +338,24 @@ def _turned(standalone: Standalone) -> list[str]:
     return [repr(angle) for angle in turned]
 
 
-def compare(name: str, integrator: str | None, embedded: bool = False, steps: int = 100) -> list[tuple[int, int]]:
+def compare(
+    name: str, integrator: str | None, embedded: bool = False, processor: str = "aarch64", steps: int = 100
+) -> list[tuple[int, int]]:  # fmt: skip
     """The bound on the instructions of a step of a model and the largest count of a run, with the mathematical library and without."""
     text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
-    text = text.replace("{end: 2,", "{end: 2, numerics: {loops: embedded},") if embedded else text
     case, scene = find_case(read_model_text(text, f"{name}.yaml"), None)
     scene = with_default_closure(scene, "recursive", integrator)
+    if embedded:
+        scene = replace(scene, numerics=replace(scene.numerics, loops=Loops.EMBEDDED, events=Events.CROSSED))
     files = make_c99(case, scene, method="recursive", integrator=integrator).files
     made_of = generate(freeze_start_parameters(case, scene), scene, scene.outputs, method="recursive", lanes=False)
     turned = _turned(make_standalone(made_of, integrator=integrator, equal_steps=True, lanes=False))
     inputs = f"{name}_set_input(sim, 0, 0.01 * k, 0.1 * (k % 7), 0.0);" if "_set_input" in files[f"{name}.h"] else ""
+    of = PROCESSORS[processor]
     with TemporaryDirectory() as made:
         folder, own = Path(made), mathematics()
         (folder / "libm").mkdir()
-        for file, content in {**files, "main.c": MAIN.format(
+        for file, content in {**files, "board.c": BOARD, "board.ld": LAYOUT, "main.c": MAIN.format(
             p=name, P=name.upper(), steps=steps, inputs=inputs, turned=", ".join(turned))}.items():
             (folder / file).write_text(content, encoding="utf-8")
         named = ("-include", "libm/names.h")
@@ -295,25 +363,26 @@ def compare(name: str, integrator: str | None, embedded: bool = False, steps: in
         calls = [(*own.cxx, "-std=c99", "main.c"), (*own.cxx, "-std=c99", *named, f"{name}.c")]
         calls += [(*own.c, *named, source) for source in sources]
         for i, call in enumerate(calls):
-            subprocess.run([f"{PREFIX}gcc", *FLAGS, "-c", *call, "-o", f"{i}.o"], cwd=folder, check=True)
+            subprocess.run([f"{of.prefix}gcc", *of.flags, *FLAGS, "-c", *call, "-o", f"{i}.o"], cwd=folder, check=True)
         objects = [f"{i}.o" for i in range(len(calls))]
-        subprocess.run([f"{PREFIX}gcc", "-static", *objects, "-lm", "-o", "all"], cwd=folder, check=True)
+        subprocess.run([f"{of.prefix}gcc", *of.flags, *of.link, *objects, "-lm", "-o", "all"], cwd=folder, check=True)
         read = {f"{name}.c": files[f"{name}.c"]}
         iterations = re.search(r"_ITERATIONS (\d+)", files[f"{name}.h"])
         rounds = dict.fromkeys(("self->iterations", f"{name.upper()}_ITERATIONS"), int(iterations[1]) if iterations else 0)
-        code = read_code(folder / "all", read, rounds)
+        code = read_code(of, folder / "all", read, rounds)
         bounds = [int(one.bound(f"{name}_step")) for one in (code, replace(code, without_library=True, known={}))]
         return list(zip(bounds, measure(folder / "all", name, code), strict=True))
 
 
 @click.command(help=__doc__)
 @click.option("--only", default="", help="Models whose name has this text.")
-def command(only: str) -> None:
+@click.option("--processor", default="aarch64", type=click.Choice(list(PROCESSORS)))
+def command(only: str, processor: str) -> None:
     """Print the table."""
     table = Table("model", "loops", "integrator", "bound", "count", "ratio", "bound without library", "count", "ratio")
     for name, integrator, embedded in CASES:
         if only in name:
-            found = compare(name, integrator, embedded)
+            found = compare(name, integrator, embedded, processor)
             cells = [cell for bound, count in found for cell in (str(bound), str(count), f"{bound / count:.2f}")]
             table.add_row(name, "embedded" if embedded else "exact", integrator or "trapezoidal", *cells)
     Console().print(table)
