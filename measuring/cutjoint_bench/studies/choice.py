@@ -4,12 +4,14 @@ The search tries every reduced model, with exact and embedded loops, by all meth
 crossed, and each step of the grid, coarsest first, until one keeps the accuracy or takes FAR times the work of another.  Of those whose
 estimated work is at most FAR times the least, generated code runs under callgrind; the counts of the scene less those of its first sample
 interval are compared.  What was measured is kept in results/choice, so that an interrupted run goes on; the rows are kept in
-docs/bench/choice.json, each with its machine and version.
+docs/bench/choice.json, each with its machine and version.  ``--drawn`` takes 30 mechanisms with laws and numbers that are drawn, and
+accuracies of 1e-3 to 1e-5; its rows are kept in docs/bench/choice_drawn.json.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
@@ -19,6 +21,7 @@ from statistics import median
 from typing import Any
 
 import click
+from numpy.random import default_rng
 from rich.console import Console
 from rich.table import Table
 
@@ -27,7 +30,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Events, Implementation, Loops
 from cutjoint.model.errors import ModelError
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.package.locations import __version__
@@ -41,6 +44,7 @@ from cutjoint.run.scenes import find_scene, with_default_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import runtime_digest
+from cutjoint_bench.estimate_models import draws
 from cutjoint_bench.machine import machine
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
@@ -55,24 +59,44 @@ SCENES = (
     ("axle", None, None, 1e-4), ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-3), ("iltis", "simul3", 4.0, 1e-3),
 )  # fmt: skip
 FAR = 2.5  #: candidates of more estimated work, as multiples of the least, are not counted
-KEPT = DOCS / "choice.json"
+KEPT, DRAWN = DOCS / "choice.json", DOCS / "choice_drawn.json"
 
 
 @click.command()
 @click.option("--only", multiple=True, metavar="NAME", help="Models or scenes to measure; the file keeps the others.")
-def main(only: tuple[str, ...]) -> None:
+@click.option("--drawn", is_flag=True, help="Take mechanisms with drawn laws and numbers.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the draws.")
+def main(only: tuple[str, ...], drawn: bool, seed: int) -> None:
     """Measure what is not yet measured, print a row for each scene, and keep the results."""
-    store = Store(RESULTS / "choice" / "measurements.jsonl")
-    rows: dict[str, Record] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    store, kept = Store(RESULTS / "choice" / "measurements.jsonl"), DRAWN if drawn else KEPT
+    rows: dict[str, Record] = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
+    for name, model, found, accuracy in _drawn(seed) if drawn else _of_models(only):
+        if only and not {name, found.name} & set(only):
+            continue
+        wanted = replace(found, method="auto", accuracy=accuracy)
+        rows[f"{name} {found.name} {accuracy:g}"] = Comparison(model=model, scene=wanted, store=store).row()
+        kept.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    _print(list(rows.values()))
+
+
+def _of_models(only: tuple[str, ...]) -> Iterator[tuple[str, Model, Scene, float]]:
     for name, scene, end, accuracy in SCENES:
         if only and not {name, scene} & set(only):
             continue
         model = read_model(MODELS / f"{name}.yaml")
         found = find_scene(model, scene)
-        wanted = replace(found, method="auto", accuracy=accuracy, end=found.end if end is None else end)
-        rows[f"{name} {found.name} {accuracy:g}"] = Comparison(model=model, scene=wanted, store=store).row()
-        KEPT.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    _print(list(rows.values()))
+        yield name, model, replace(found, end=found.end if end is None else end), accuracy
+
+
+def _drawn(seed: int) -> Iterator[tuple[str, Model, Scene, float]]:
+    rng = default_rng(seed)
+    for draw in draws(1, seed):
+        text = draw.text
+        for parameter, value in draw.parameters[0].items():
+            text = re.sub(rf"\b{parameter}: {{value: [^,]*, binding: param}}", f"{parameter}: {{value: {value}}}", text)
+        model = read_model_text(text, f"{draw.name}.yaml")
+        (scene,) = model.scenes.values()
+        yield draw.name, model, scene, float(rng.choice([1e-3, 1e-4, 1e-5]))
 
 
 @dataclass(frozen=True, kw_only=True)
