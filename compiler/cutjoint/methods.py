@@ -370,6 +370,11 @@ def names_of(catalogue: Mapping[str, R], condition: Callable[[R], bool]) -> tupl
     return tuple(name for name, record in catalogue.items() if condition(record))
 
 
+def linearised_methods() -> tuple[str, ...]:
+    """The methods whose C exports can have derivatives: those with relative coordinates."""
+    return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
+
+
 def describe_steps(condition: Callable[[Steps], bool]) -> str:
     """The methods and integrators whose steps meet a condition, for a sentence."""
     found = {method: names_of(steps, condition) for method, steps in STEPS.items()}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cutjoint.elements.joint import rate_name
-from cutjoint.formulate.forces import variable
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import Joint, JointForce, Model, Output
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.measured import angles_around

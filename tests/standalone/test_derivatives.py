@@ -13,10 +13,9 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.c_export import linearised_methods
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.methods import METHODS
+from cutjoint.methods import METHODS, linearised_methods
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_scene

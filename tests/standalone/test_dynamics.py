@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cutjoint
-from cutjoint.compile.c_export import linearised_methods
+from cutjoint.methods import linearised_methods
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene

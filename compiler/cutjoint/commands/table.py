@@ -19,11 +19,11 @@ from cutjoint.methods import (
     PRECISIONS,
     SOLVERS,
     Events,
-    Formulation,
     Implementation,
     Loops,
     join_and,
     join_or,
+    linearised_methods,
     names_of,
 )
 from cutjoint.model.ranges import LENGTHS, PLACES, RANGES, TIMES, WHOLE, fault_of, fault_of_setting
@@ -171,11 +171,6 @@ class _File(click.Path):
 
 _CSV, _JSON, _MODEL = _File("", ".csv"), _File("", ".json"), _File("", ".yaml", ".yml")
 _PAGE, _VIEW = _File(".html"), _File(".html", ".glb")
-
-
-def _recursive() -> tuple[str, ...]:
-    """Methods with relative coordinates."""
-    return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
 
 
 #: One row for each option, by the parameter of the command's function; ``command.parameter`` belongs to one command.
@@ -340,8 +335,8 @@ OPTIONS: Mapping[str, Row] = {
         help="Parquet file. Default: STUDY's name with .parquet, in the current folder."),
     "view.out": click.option("--out", type=_VIEW,
         help="Page (.html) or glTF file (.glb). Default: MODEL's name with .html, in the current folder."),
-    "drive.method": _one_of("--method", names=_recursive, help="Formulation. Default: the scene's, else recursive."),
-    "gradient.method": _one_of("--method", names=_recursive, help="Formulation. Default: the scene's, else recursive."),
+    "drive.method": _one_of("--method", names=linearised_methods, help="Formulation. Default: the scene's, else recursive."),
+    "gradient.method": _one_of("--method", names=linearised_methods, help="Formulation. Default: the scene's, else recursive."),
     "drive.out": click.option("--out", type=_File(".html", ".csv"),
         help="Page (.html). Default: MODEL's name with .html, in the current folder."),
     "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT",

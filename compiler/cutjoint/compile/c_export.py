@@ -39,7 +39,7 @@ from cutjoint.methods import (
     Steps,
     join_and,
     join_or,
-    names_of,
+    linearised_methods,
 )
 from cutjoint.model.expressions.functions import functions_of_host
 from cutjoint.model.records import Binding, Model, Scalar, Scene
@@ -319,11 +319,6 @@ def _require_relative(equations: Equations, requested: str, why: str) -> None:
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
         able = join_or(linearised_methods())
         raise RunError(f"{requested}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
-
-
-def linearised_methods() -> tuple[str, ...]:
-    """The methods whose C exports can have derivatives."""
-    return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
 
 
 def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:

@@ -9,13 +9,9 @@ import sympy
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import Equations, Function, LeftOut
 from cutjoint.formulate.translate import Translator
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import EmbeddedLoop, Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
-
-
-def variable(name: str) -> Scalar:
-    """The symbol of a law's variable."""
-    return sympy.Symbol(name, real=True)
 
 
 def is_active(force: Force, scene: Scene) -> bool:

@@ -12,12 +12,13 @@ import numpy as np
 import sympy
 
 from cutjoint.compile.derivation import schedule_method
-from cutjoint.formulate.forces import is_active, variable
+from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.outcome import Note, Outcome, Pass
 from cutjoint.model.records import Binding, Guard, Model, Output, Scene, Tyre

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutjoint.compile.c_export import Standalone, linearised_methods, make_standalone, needs_load_events
+from cutjoint.compile.c_export import Standalone, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import generate
-from cutjoint.methods import METHODS, STEPS
+from cutjoint.methods import METHODS, STEPS, linearised_methods
 from cutjoint.model.expressions.functions import functions_of_host, leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene

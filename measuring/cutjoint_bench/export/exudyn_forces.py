@@ -17,9 +17,9 @@ from cutjoint.elements.interactions.on_coordinate import OnCoordinate
 from cutjoint.elements.interactions.road_contact import RoadContact
 from cutjoint.elements.interactions.wrench import Wrench
 from cutjoint.elements.joint import AXIAL_FRAME
-from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import COORDINATES, GROUND, Force, JointKind, Scalar, Scene, Vector
 from cutjoint.run.roads import road_pieces
 from cutjoint_bench.export.chains import frame

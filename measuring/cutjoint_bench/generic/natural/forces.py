@@ -23,9 +23,9 @@ from cutjoint.elements.interactions.line_force import LineForce
 from cutjoint.elements.interactions.on_coordinate import OnCoordinate
 from cutjoint.elements.interactions.road_contact import RoadContact
 from cutjoint.elements.interactions.wrench import Wrench
-from cutjoint.formulate.forces import variable
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.elements.geometry import GLOBAL_AXES
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Output, Tyre, Vector
 from cutjoint_bench.generic.mechanism import placed_forces
 from cutjoint_bench.generic.natural.forms import FormTable
