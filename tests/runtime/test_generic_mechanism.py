@@ -188,7 +188,7 @@ def interpret(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[st
     inputs = block_inputs(case, state, vdot)
     residuals = {c.joint: equations.function("constraint_residual").results[f"residual:{c.joint}"] for c in equations.closures}
     gaps = interpret_blocks(residuals.values(), inputs, {})
-    inputs |= {f"gap:{joint}": gaps[block][:, 0] for joint, block in residuals.items()}
+    inputs |= {f"violation:{joint}": gaps[block][:, 0] for joint, block in residuals.items()}
     results = {name: block for function in equations.functions for name, block in function.results.items()}
     values = interpret_blocks(results.values(), inputs, dict.fromkeys(equations.roads, case.road))
 

@@ -36,7 +36,7 @@ class DenseSolver {
   }
 
   /// The smallest pivot, relative to the largest entry of its column.
-  double smallest_pivot(const Real* values) const requires Sized<S> {
+  double smallest_pivot(const auto* values) const requires Sized<S> {
     std::array<int, rows> columns;
     for (std::size_t k = 0; k < rows; ++k) columns[k] = static_cast<int>(k);
     return share_of_columns<S>(values, [this](std::size_t k) { return static_cast<double>(a_[k * rows + k]); }, columns);
@@ -178,7 +178,7 @@ class GuardedSolver {
   }
 
   /// The smallest pivot of the last factors, relative to the largest entry of its column; infinity before there are any.
-  double smallest_pivot(const Real* values) const requires requires { S::pivot_columns; } {
+  double smallest_pivot(const auto* values) const requires requires { S::pivot_columns; } {
     return now_.pivots ? pivoting_.smallest_pivot(values) : fixed_.smallest_pivot(values);
   }
 

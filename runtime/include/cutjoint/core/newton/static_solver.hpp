@@ -63,7 +63,7 @@ class StaticSolver {
   }
 
   /// The smallest pivot of the last factors, relative to the largest entry of its column; infinity before there are any.
-  double smallest_pivot(const Real* values) const requires requires { S::pivot_columns; } {
+  double smallest_pivot(const auto* values) const requires requires { S::pivot_columns; } {
     return share_of_columns<S>(values, [this](std::size_t k) { return 1.0 / static_cast<double>(factors_[k]); }, S::pivot_columns);
   }
 
