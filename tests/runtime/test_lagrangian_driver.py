@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
-from shutil import which
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench.driver import ADDED_SOLVERS
-from tests.conftest import MODELS, ROOT, needs_cpp
+from tests.conftest import MODELS, needs_cpp
 from tests.runtime.points import (
     AUGMENTED,
     CLASSICAL,
@@ -102,15 +100,6 @@ def test_equilibrium_is_the_start_at_rest(method: str, tmp_path: Path) -> None:
     summary = summary_of(tmp_path, run_file({**PENDULUM, "method": method}, "equilibrium"))
     columns = summary["columns"]
     assert (columns["p0.ax"], columns["p0.az"], columns["lambda0"]) == pytest.approx((0.0, -9.81, 0.0), abs=1e-6)
-
-
-@pytest.mark.skipif(which("clang++") is None, reason="needs clang++")
-@pytest.mark.parametrize("source", ["newton", "integrators"])
-def test_clang_takes_the_integrators(source: str) -> None:
-    """Clang before version 16 instantiates members whose constraints are not met."""
-    folder = ROOT / "runtime"
-    flags = ("-std=c++20", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{folder / 'include'}", "-isystem", "/usr/include/eigen3")
-    subprocess.run(["clang++", *flags, str(folder / "driver" / f"{source}.cpp")], check=True)
 
 
 @pytest.mark.heavy

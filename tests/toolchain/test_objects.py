@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
+from shutil import which
 
 import pytest
 
@@ -18,7 +19,7 @@ from cutjoint.toolchain.cache import cache_folder, is_sound
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind, driver_parts
 from cutjoint.toolchain.objects import Object, find_objects
-from tests.conftest import MODELS, needs_cpp
+from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.toolchain.damage import DAMAGE
 
 #: Edits of the Iltis' file by name, with those of its generated files that may be compiled again for `recursive`.
@@ -135,3 +136,12 @@ def test_a_library_shows_names_of_its_model_alone(tmp_path: Path) -> None:
     names = {line.split()[-1] for line in lines}
     assert "press_step" in names
     assert all(name.startswith("press_") for name in names)
+
+
+@pytest.mark.skipif(which("clang++") is None, reason="needs clang++")
+@pytest.mark.parametrize("source", ["newton", "integrators"])
+def test_clang_takes_the_integrators(source: str) -> None:
+    """Clang before version 16 instantiates members whose constraints are not met."""
+    folder = ROOT / "runtime"
+    flags = ("-std=c++20", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{folder / 'include'}", "-isystem", "/usr/include/eigen3")
+    subprocess.run(["clang++", *flags, str(folder / "driver" / f"{source}.cpp")], check=True)
