@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import yaml
 from click.testing import CliRunner, Result
 from jsonschema import Draft202012Validator
 
+from cutjoint import entry
 from cutjoint.cli import main
 from cutjoint.commands.renamed import rename_arguments
 from tests.conftest import MODELS, ROOT, needs_cpp
@@ -260,3 +262,11 @@ def test_modes_of_a_motion_want_a_scene_by_name(tmp_path: Path) -> None:
     result = call("modes", tmp_path / "slide.yaml", "--at", "0.1")
     assert result.exit_code == 1
     assert "name a scene; the model has still, moved" in result.output
+
+
+def test_the_command_uses_one_thread_for_linear_algebra_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.cli.main", lambda: None)
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "4")
+    entry.main()
+    assert (os.environ["OPENBLAS_NUM_THREADS"], os.environ["MKL_NUM_THREADS"]) == ("1", "4")

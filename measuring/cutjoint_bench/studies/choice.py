@@ -191,7 +191,7 @@ class Comparison:
             tried = replace(empty, steps=steps, error=distance(run, self.truth.run), work=trials.work(run, steps))
             if not run.fallback and tried.error <= SHARE * (self.scene.accuracy or inf):
                 return tried
-            if run.failure is None and tried.work > FAR * least:
+            if tried.work > FAR * least:  # also of a run that fails: with shorter steps it takes more
                 break
             nearest = min(nearest, replace(tried, failure=nearest.failure), key=lambda c: c.error)
         return nearest
