@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.c99 import make_c99
+from cutjoint.compile.c99 import c99_methods, make_c99
 from cutjoint.compile.c_export import describe_frozen, freeze_start_parameters, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
@@ -58,7 +58,8 @@ def command(
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read
-        method = method or method_of(find_case(read, scene)[1], [name for name, m in METHODS.items() if m.c99 or language != C99])
+        case = find_case(read, scene)
+        method = method or method_of(case[1], c99_methods(*case) if language == C99 else METHODS)
         if language == C99 or target == WASM:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             if language == C99:

@@ -15,11 +15,12 @@ from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_par
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.c99 import ITERATIONS, UPDATES, Start, emit_c99
 from cutjoint.formulate.events import guides_jump
-from cutjoint.methods import INTEGRATORS, METHODS, START, Events, join_or, names_of
+from cutjoint.methods import INTEGRATORS, METHODS, START, Events, Loops, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.wasm import build_matching_library, mathematics
+from cutjoint.topology.build import build_topology
 
 #: The function by which the library of a C export shows the penalties of its cut joints.
 _PENALTIES = 'extern "C" const double* {p}_penalties({p}_sim* sim) {{ return sim->sim.penalties().data(); }}\n'
@@ -136,6 +137,12 @@ def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations
             tables.append(np.array(rows))
     errors, sizes = abs(tables[0] - tables[1]).max(axis=0), abs(tables[1]).max(axis=0)
     return [{"name": c.name, "error": e, "size": s} for c, e, s in zip(columns, errors, sizes, strict=True)]
+
+
+def c99_methods(model: Model, scene: Scene) -> list[str]:
+    """The methods that have C99 for a scene: where loops stay, those with loop equations."""
+    loops = scene.numerics.loops != Loops.EMBEDDED and bool(build_topology(model).cuts)
+    return [name for name, m in METHODS.items() if m.c99 and not (loops and m.has_system)]
 
 
 def require_c99(model: Model, scene: Scene, method: str, integrator: str | None) -> None:
