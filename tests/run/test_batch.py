@@ -166,6 +166,13 @@ def test_threads_change_nothing() -> None:
         assert np.array_equal(one.maximum[name], two.maximum[name])
 
 
+def test_runs_in_lanes_are_done_soon_after_each_other() -> None:
+    """Progress is reported and rows are kept: long runs are not held back until many others have ended."""
+    shares: list[float] = []
+    simulate_batch(compiled(), CASES * 3, threads=1, progress=shares.append)
+    assert shares == [8 / 33, 16 / 33, 24 / 33, 32 / 33, 1.0]  # eight runs at a time, as many as the widest registers have
+
+
 def test_a_run_that_fails_does_not_stop_the_others() -> None:
     """In the second run a force is soon no number; in the fourth it is none from the start."""
     cases = [{"slack": slack} for slack in (10.0, 0.02, 10.0, -1.0)]

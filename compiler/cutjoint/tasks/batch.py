@@ -47,8 +47,6 @@ from cutjoint.toolchain.compiler import must_interpret
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
-#: The most groups of lanes that one call of a library runs.
-_MOST_AT_ONCE = 8
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 #: Results of runs: the number of the first one, the records, and seconds of their steps.
@@ -233,14 +231,13 @@ def _plan(
     if any(parts.get("roads", file.roads) != file.roads for parts in own):
         return *_plan_one_by_one(artifact, cases, options, threads), False
     steps, stop = count_steps(file.settings.dt, file.end, file.output_step), ctypes.c_int()
-    length = min(_MOST_AT_ONCE, max(1, -(-len(cases) // (threads * MOST_LANES)))) * MOST_LANES
 
     def run(first: int) -> tuple[list[dict[str, Any]], float]:
-        parts = [{**entries, **each} for each in own[first : first + length]]
+        parts = [{**entries, **each} for each in own[first : first + MOST_LANES]]  # few, since an interruption loses them
         return library.run(parts, (steps.number, steps.stride), file.settings, stop, is_first=first == 0)
 
     def results() -> _Results:
-        firsts = range(0, len(cases), length)
+        firsts = range(0, len(cases), MOST_LANES)
         for first, (records, seconds) in zip(firsts, _in_order(run, firsts, threads, stop), strict=True):
             failed = [i for i, record in enumerate(records) if "status" not in record]  # made again alone, which names laws without a value
             plans = [replace(_make_run(artifact, options, cases[first + i]), continuation=None) for i in failed]
