@@ -26,6 +26,7 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.emit.statuses import STATUSES
 from cutjoint.methods import Events, Loops
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_case, with_default_closure
 from cutjoint.toolchain.wasm import mathematics
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
@@ -610,6 +611,17 @@ def test_the_error_of_floats_is_the_one_that_the_readme_has(method: str, tmp_pat
     assert (error > 0).all()
     assert (1000 * 2.0**-24 * size > error).all()  # at most a rounding in each step
     assert pytest.approx(np.array([error, size]), rel=0.05) == said.T  # two digits
+
+
+@needs_cpp
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
+def test_floats_that_fail_name_their_step(integrator: str) -> None:
+    """The stiffness leaves the range of floats after 48 ms."""
+    text = SHORT.replace("outputs:", "forces:\n  spring: {kind: joint_force, joint: pin, law: 1e-30*exp(88 + 15*t)}\noutputs:")
+    case, found = find_case(read_model_text(text, "short.yaml"), None)
+    chosen = replace(with_default_closure(found, "recursive", integrator), numerics=replace(found.numerics, dt=0.01))
+    with pytest.raises(RunError, match=r"^language c99: step 5 of the scene fails with float, status "):
+        make_c99(case, chosen, method="recursive", integrator=integrator, precision="single")
 
 
 #: A program that makes calls of any order with any arguments in any state.

@@ -126,8 +126,9 @@ def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations
             sim, rows = _create(library, name, memory), []
             outputs = library[f"{name}_outputs"]
             outputs.restype = ctypes.POINTER(kind)
-            statuses = [library[f"{name}_set_iterations"](sim, iterations)] if iterations else []
-            statuses.append(library[f"{name}_start"](sim))
+            if iterations:
+                library[f"{name}_set_iterations"](sim, iterations)
+            statuses = [library[f"{name}_start"](sim)]
             for _ in range(min(100_000, round(defaults.end / defaults.dt))):
                 statuses.append(library[f"{name}_step"](sim))
                 rows.append(outputs(sim)[: len(columns)])
