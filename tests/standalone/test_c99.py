@@ -110,6 +110,22 @@ scenes:
   swing: {end: 1, output_step: 10 ms, positions: {pin.angle: 0.5}}
 """
 
+#: A cart whose guide has all of its motion: no coordinate is left.
+LED = """
+cutjoint: 1
+name: led
+gravity: [0, 0, -9.81]
+bodies:
+  cart: {mass: 2, centre_of_mass: [0, 0, 0]}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0], guide: sin(9*t)}
+reactions:
+  drive: {joint: rail, axes_of: ground, direction: [1, 0, 0]}
+outputs: [cart.x, cart.vx, drive.force]
+scenes:
+  lead: {end: 1, output_step: 10 ms}
+"""
+
 #: A program that prints the bits of a thousand steps of the press.
 PRINTED = """
 #include <stdio.h>
@@ -187,7 +203,7 @@ SCENES = {"iltis": "simul1"}
 
 def model_text(name: str) -> str:
     """A model of the repository, the press whose stiffness is an input, or one of those above."""
-    own = {"pushed": PUSHED, "short": SHORT, "rolled": ROLLED}
+    own = {"pushed": PUSHED, "short": SHORT, "rolled": ROLLED, "led": LED}
     text = own.get(name) or (MODELS / f"{name.removesuffix(STEERED)}.yaml").read_text(encoding="utf-8")
     if name.endswith(STEERED):
         text, count = re.subn(r"law: {stiffness: .*?}", 'law: "stiffness**2*(length - 0.48)/2000 + 20*rate"', text)
@@ -251,10 +267,10 @@ def codes(name: str, place: Path) -> tuple[Code, Code]:
 
 
 #: What is compared bit by bit with the C++ export, the rest in `make full`.
-BITS = ("pushed", "pushed rk4", "pushed newton", "press", "press embedded", "press rk4", "rolled", "rolled newton")
+BITS = ("pushed", "pushed rk4", "pushed newton", "press", "press embedded", "press rk4", "rolled", "rolled newton", "led")
 HEAVY = (
     "short", "short rk4", "short newton", "press embedded rk4", "press embedded newton", "press steered rk4", "four_bar", "four_bar rk4",
-    "delta", "delta rk4", "rolled rk4", "iltis", "iltis rk4", "iltis embedded", "iltis embedded newton",
+    "delta", "delta rk4", "rolled rk4", "led rk4", "iltis", "iltis rk4", "iltis embedded", "iltis embedded newton",
 )  # fmt: skip
 
 

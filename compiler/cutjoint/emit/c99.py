@@ -46,8 +46,8 @@ class Start:
 
     @property
     def texts(self) -> dict[str, list[str]]:
-        """The numbers by the fewest digits that determine them."""
-        return {name: [repr(float(x)) for x in numbers] for name, numbers in vars(self).items()}
+        """The numbers by the fewest digits that determine them, at least one."""
+        return {name: [repr(float(x)) for x in numbers] or ["0.0"] for name, numbers in vars(self).items()}
 
 
 def emit_c99(
@@ -82,7 +82,7 @@ def emit_c99(
         "stabilised": any("stabilisation." in line for line in bodies) or (iterated and has_loops and bool(settable)),
         "cut_of": [max(0, bisect([c.first for c in parts.mechanism.closures], i) - 1) for i in range(len(equations.equation_names))],
         "lookups": set(re.findall(r"\broad_(\w+)\(", "\n".join(bodies))), "inputs": settable,
-        "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
+        "many": {name: max(1, size) for name, size in sizes.items() if isinstance(size, int)},  # arrays of C have an element
     }  # fmt: skip
     header, code = str(view["header"]), page.render("c99/model.c.jinja", **view)
     return {
