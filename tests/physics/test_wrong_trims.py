@@ -16,6 +16,19 @@ from tests.mechanisms.trims import FIVE_BAR, MOTOR, SLED, SPRING
 from tests.physics.simulation import compile_model
 from tests.physics.test_trims import run
 
+RUBBED = """
+cutjoint: 1
+name: rubbed
+gravity: [0, 0, -9.81]
+parameters: {push: {value: 1, unit: kN, binding: input}}
+bodies: {block: {mass: 30, centre_of_mass: [0, 0, 0]}}
+joints: {slide: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: z}}
+forces:
+  lift: {kind: joint_force, joint: slide, law: push}
+  rub: {kind: joint_friction, joint: slide, coefficient: 0.1, preload: 50 N, carried: false}
+scenes: {held: {end: 1, positions: {slide.displacement: 0.1}, trim: {find: []}}}
+"""
+
 
 def refused(text: str, old: str, new: str) -> str:
     assert old in text
@@ -57,6 +70,15 @@ def test_wrong_requests(text: str, old: str, new: str, said: str) -> None:
 def test_states_outside_of_their_bounds_are_not_found() -> None:
     """The voltage of a current of -2.55 A, which the bounds of the current exclude."""
     assert "no start meets all conditions" in refused(MOTOR, "start: 0 A,", "start: 0 A, bounds: [-2.5 A, 2.5 A],")
+
+
+@pytest.mark.parametrize(("trim", "said"), [
+    ("{find: [push]}", "too many unknowns: 'push' and 'rub_bristle' can change together"),
+    ("{find: [push], bounds: {push: [0 N, 200 N]}}", "'push' = 200 at the bound; the nearest has 89.3 N missing along 'slide."),
+])  # fmt: skip
+def test_friction_at_rest_holds_up_to_its_limit(trim: str, said: str) -> None:
+    """30 kg and friction of at most 5 N: found forces lie within it, also where the search begins far off."""
+    assert said in refused(RUBBED, "{find: []}", trim)
 
 
 def test_values_of_what_is_found(tmp_path: Path) -> None:

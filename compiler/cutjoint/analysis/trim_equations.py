@@ -16,9 +16,10 @@ from cutjoint.analysis.linearise import coordinate_names
 from cutjoint.analysis.natural import call, evaluate_changes, evaluate_results
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
+from cutjoint.model.elements.friction import bristle_name
 from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
-from cutjoint.model.records import Aim, Model, Scene
+from cutjoint.model.records import Aim, JointFriction, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable
@@ -69,6 +70,7 @@ class TrimParts(AimedStart):
         )  # fmt: skip
         self._first = (0, *accumulate(len(names) for names in self._names))
         units = {f"{joint.name}.{name}": unit for joint in model.joints for name, unit in JOINT_QUANTITIES[joint.kind].items()}
+        self._bristles = {bristle_name(f.name) for f in model.forces if isinstance(f, JointFriction)}
         self._rolling = self._slips(model)
         self._is_length = np.array([units[name] == "m/s" for name in system.speed_names[: layout.speeds]], dtype=bool)
         self._extent = extent(
@@ -181,8 +183,9 @@ class TrimEquations:
         self._reach = np.zeros(len(self._forces) - self._start.speeds)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
         for i, state in enumerate(self._start.state.states, start=first):
-            if state.bounds and self._free[i]:
-                self._lower[i], self._upper[i] = state.bounds
+            bounds = (-1.0, 1.0) if self._is_still() and state.name in of._bristles else state.bounds  # it sticks there
+            if bounds and self._free[i]:
+                self._lower[i], self._upper[i] = bounds
         for name, (lower, upper) in inputs.bounds.items():
             index, begin = self._listed[name], self._begins.get(name, 0.0)
             self._lower[index], self._upper[index] = lower - begin, upper - begin
@@ -197,6 +200,10 @@ class TrimEquations:
         rates = -self.residuals(self.begin)[[i - last + len(self._names[SPEEDS]) for i in states]]
         moves = np.abs(rates) > _SLOWEST * (upper - lower)
         self.begin[states] = np.where(moves, np.where(rates > 0, upper, lower), self.begin[states])
+
+    def _is_still(self) -> bool:
+        speeds = slice(self._first[SPEEDS], self._first[SPEEDS] + self._start.speeds)
+        return not (self.begin[speeds].any() or self._free[speeds].any())
 
     def keep_guesses(self, of: TrimEquations) -> None:
         """Count moves of free coordinates from where those of other equations begin."""

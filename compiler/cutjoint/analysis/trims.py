@@ -209,10 +209,6 @@ class _Search(TrimEquations):
         self._free = every
         return self._release(self._approach(y))
 
-    def _is_still(self) -> bool:
-        speeds = slice(self._first[SPEEDS], self._first[SPEEDS] + self._start.speeds)
-        return not (self.begin[speeds].any() or self._free[speeds].any())
-
     def _shortened(self, at: Evaluated, step: Array, rows: Any, columns: Any) -> Array | None:
         """The point after a step, shortened where contacts push back more than forces drive; None where no step remains."""
 
