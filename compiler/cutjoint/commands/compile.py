@@ -115,7 +115,8 @@ def _write_c99(
     made = make_c99(case, chosen, method=method, integrator=integrator, iterations=iterations, precision=precision)
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in made.files])
     write_files(folder, made.files)
-    return f"{made.operations} operations an evaluation; {made.name}.h and {made.name}.c in {folder}; README.md says how to compile them"
+    header, code, *_ = made.files
+    return f"{made.operations} operations an evaluation; {header} and {code} in {folder}; README.md says how to compile them"
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:

@@ -53,9 +53,8 @@ _REFUSED = (
 
 @dataclass(frozen=True, kw_only=True)
 class C99Export:
-    """The ``files`` by name, and the operations of an evaluation."""
+    """The ``files`` by name, header and code first, and the operations of an evaluation."""
 
-    name: str
     files: Mapping[str, str]
     operations: int
 
@@ -94,7 +93,7 @@ def make_c99(
     if precision != "double":
         files = emit(errors=_measure_floats(standalone, files, iterations))
     program = (standalone.parts.system or standalone.parts).program
-    return C99Export(name=standalone.name, files=files, operations=program.operations(METHODS[method].iteration))
+    return C99Export(files=files, operations=program.operations(METHODS[method].iteration))
 
 
 def _require_explicit(standalone: Standalone, scene: Scene, iterations: int | None) -> None:
