@@ -90,8 +90,10 @@ def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.xx": {}}}}}, "slider.xx"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "kg"}}}}}, "unit kg does not fit"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"pin.angle_rate": {"unit": "Hz", "column": "slider.x"}}}}}, "Hz leaves"),
-        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"column": "slide.x"}}}}}, "there is no column 'slide.x'"),
-        ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}}, "none.csv"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"column": "slide.x"}}}}},
+         r"study\.yaml:1:\d+: experiment 'run': .*d\.csv: there is no column 'slide\.x'; did you mean 'slider"),
+        ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}},
+         r"study\.yaml:1:\d+: experiment 'run': there is no file .*none\.csv; write its path from the folder of the study"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {}}, "validation": True}}}, "for validation"),
         ({"starts": {"count": 3}}, "several starts lie between bounds"),
         ({"dt": 0}, "dt must be greater than zero"),
@@ -116,7 +118,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: st
 @pytest.mark.parametrize(
     ("times", "values", "words"),
     [
-        ([0.0, 2.0, 1.0], [1.0, 1.0, 1.0], "the times of column 'torque' do not rise; sort the rows and remove duplicates"),
+        ([0.0, 2.0, 1.0], [1.0, 1.0, 1.0], "the times of column 'torque' do not rise after 2 s; sort the rows and remove duplicates"),
         ([0.0, 1.0, 1.0], [1.0, 1.0, 1.0], "the times of column 'torque' do not rise"),
         ([50.0, 51.0, 52.0], [1.0, 1.0, 1.0], "no samples of it between 0 s and 1 s, where the signals are; see time"),
         ([0.0, 1.0, 2.0], [np.nan, np.nan, np.nan], "no samples of it between 0 s and 1 s"),

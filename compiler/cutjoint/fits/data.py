@@ -24,6 +24,8 @@ def read_data(path: Path, time: str) -> Columns:
     require_input(path)
     try:
         return _mdf(path) if path.suffix.lower() in (".mf4", ".mdf", ".dat") else _table(path, time)
+    except FileNotFoundError:
+        raise RunError(f"there is no file {path}; write its path from the folder of the study") from None
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise RunError(f"{path}: it cannot be read: {error}") from None
 

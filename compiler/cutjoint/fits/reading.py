@@ -1,8 +1,8 @@
 """From the study file of a fit to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
 
 import json
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from hashlib import file_digest, sha256
 from math import inf, isfinite, isnan, nan
@@ -225,7 +225,7 @@ class _Reading:
             model, scene = followed.model, followed.scene
         reader = Reader(model, None if followed is None else followed.drives)
         seconds = self._factor(part.time_unit, (*keys, "time_unit"), TIME)
-        data = self._data(part.data, "" if part.poses else str(part.time))
+        data = self._data((*keys, "data"), part.data, "" if part.poses else str(part.time))
         begin, until = (
             (default if value is None else self.where.number(value, TIME, (*keys, key)))
             for key, value, default in (("from", part.from_, nan), ("to", part.to, inf))
@@ -334,7 +334,7 @@ class _Reading:
             return {}
         seconds = self._factor(of.time_unit, (*keys[:2], "time_unit"), TIME)
         file = part.data or of.data
-        t, values = self._column(keys, self._data(file, str(part.time or of.time)), str(part.column or name), seconds)
+        t, values = self._column(keys, self._data(keys, file, str(part.time or of.time)), str(part.column or name), seconds)
         t, values = t[np.isfinite(values)], values[np.isfinite(values)]
         if name in self.document.parameters:
             self._fail(keys, "it is a parameter of the fit, too", "remove one of them", at_key=True)
@@ -346,7 +346,8 @@ class _Reading:
 
     def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], window: Window) -> tuple[str, ...]:
         """Add the tables of joints that follow columns to inputs; returns what was smoothed, in words."""
-        seconds, data, notes = self._factor(part.time_unit, (*keys, "time_unit"), TIME), self._data(part.data, str(part.time)), []
+        seconds, notes = self._factor(part.time_unit, (*keys, "time_unit"), TIME), list[str]()
+        data = self._data((*keys, "data"), part.data, str(part.time))
         band = _BAND if part.bandwidth is None else self._number(part.bandwidth, (*keys, "bandwidth"), None, "Hz")
         if not band > 0:
             self._stop((*keys, "bandwidth"), "a bandwidth is above zero", "write for example 10 Hz")
@@ -364,17 +365,28 @@ class _Reading:
             notes.append(f"motion of {name}: splines of {band:g} Hz leave {left} RMS")
         return tuple(notes)
 
-    def _data(self, file: str, time: str) -> Columns:
+    def _data(self, keys: Keys, file: str, time: str) -> Columns:
         if (file, time) not in self.data:
-            self.data[file, time] = read_data(self.folder / file, time)
+            with self._placed(keys):
+                self.data[file, time] = read_data(self.folder / file, time)
         return self.data[file, time]
+
+    @contextmanager
+    def _placed(self, keys: Keys) -> Iterator[None]:
+        """Give errors of data their place in the study."""
+        try:
+            yield
+        except RunError as error:
+            raise RunError(f"{self.source.value_span(keys)}: {element_of(keys)[0]}: {error}") from None
 
     def _column(self, keys: Keys, data: Columns, name: str, seconds: float, window: Window = (nan, nan)) -> tuple[Array, Array]:
         """Times and values of a column where there is a time; those of samples rise in a window, without ends where these are NaN."""
-        t, values = data(name)
+        with self._placed(keys):
+            t, values = data(name)
         t, values = t[np.isfinite(t)] * seconds, values[np.isfinite(t)]
-        if (np.diff(t[np.isfinite(values) & ~(t < window[0] - 1e-9) & ~(t > window[1] + 1e-9)]) <= 0).any():
-            self._fail(keys, f"the times of column '{name}' do not rise", "sort the rows and remove duplicates")
+        inside = t[np.isfinite(values) & ~(t < window[0] - 1e-9) & ~(t > window[1] + 1e-9)]
+        if len(last := inside[:-1][np.diff(inside) <= 0]):
+            self._fail(keys, f"the times of column '{name}' do not rise after {last[0]:g} s", "sort the rows and remove duplicates")
         return t, values
 
     def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None, own: str = "") -> float:
