@@ -99,6 +99,7 @@ def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
         ({"dt": 0}, "dt must be greater than zero"),
         ({"parameters": {"stiffness": {"size": 0}}}, "a size is above zero"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "foo"}}}}}, "experiment 'run': unknown unit 'foo'"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "degC", "gain": 1}}}}}, "degC does not begin at zero"),
         ({"experiments": {"run": {"data": "d.csv", "start": {"pin.angle": "3 kg"}, "signals": {"slider.x": {}}}}}, "'3 kg' is in another"),
         ({"experiments": {"run": {"data": "d.csv", "start": {"pin.angle_rate": "3 Hz"}, "signals": {"slider.x": {}}}}}, "Hz leaves"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"pin.angle_rate": {"column": "slider.x", "bias": "1 Hz"}}}}}, "Hz leaves"),

@@ -22,12 +22,13 @@ from cutjoint.methods import INTEGRATORS
 from cutjoint.model.document.checks import check_part
 from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.document.source import Source, parse_yaml, read_text
+from cutjoint.model.elements.outputs import read_unit
 from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, symbols_of, variable
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import TIME, Dimension, UnitError, fault_of_hertz, measure, unit_written
+from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, unit_written
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -392,10 +393,7 @@ class _Reading:
     def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None, own: str = "") -> float:
         if unit is None:
             return 1.0
-        try:
-            one = measure(1.0, unit)
-        except UnitError as error:
-            self._fail(keys, str(error))
+        if (one := read_unit(replace(self.where, label=element_of(keys)[0]), unit, keys)) is None:
             return 1.0
         if dimension not in (None, one.dimension):
             self._fail(keys, f"unit {unit} does not fit what is measured, in {dimension}", "write a unit of that")
