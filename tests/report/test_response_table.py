@@ -26,6 +26,7 @@ def test_rounding_is_shown_as_zero() -> None:
         console.print(table)
     text = console.export_text()
     assert "e-" not in text
+    assert "responses: outputs in their units, inputs in SI units" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["near", "u", "0", *"------"] in rows
     assert ["0", "-", "-"] in rows

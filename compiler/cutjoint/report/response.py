@@ -37,7 +37,7 @@ def response_tables(model: LinearModel, frequencies: Array | None, about: str) -
         poles.add_row(_complex(pole, largest), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
     yield poles
     figures = ("peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz")
-    responses = table("responses, in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
+    responses = table("responses: outputs in their units, inputs in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
     responses.add_column("zeros\nz" if sampled else "zeros\n1/s", overflow="fold")
     peaks = {(o, i): model.peak(o, i, frequencies) for o in model.outputs for i in model.inputs}
     for output in model.outputs:
