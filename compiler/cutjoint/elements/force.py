@@ -171,7 +171,8 @@ class ForceElement:
 
     ``text`` describes it in the schema. ``interaction`` is how it works on its bodies. ``laws`` names the record's fields that have
     expressions: the force is linear in them. ``forms`` are the variables and units of its laws, one for each form of the kind.
-    ``quantities`` are what it reports, with units; those of a force with one law follow from the law. ``problem`` returns the error in the
+    ``quantities`` are what it reports, with units; those of a force with one law follow from the law. In an image, those in ``odd`` change
+    their sign; where there are ``components``, all are those of vectors (x, Fx) and of rotations (Mx). ``problem`` returns the error in the
     fields of a part of the document, and a remedy; () for none.
     """
 
@@ -182,6 +183,8 @@ class ForceElement:
     laws: tuple[str, ...]
     forms: tuple[Law, ...] = ()
     quantities: Mapping[str, str] = field(default_factory=dict)
+    odd: tuple[str, ...] = ()
+    components: bool = False
     problem: Callable[[Any], tuple[str, ...]] | None = None
 
     @property
@@ -302,8 +305,8 @@ class Force:
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the force's image: 1 if it keeps its sign, else -1.
-        ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on."""
-        return 1
+        ``sign`` says it of components, ``of_coordinate`` of the coordinate that it acts on."""
+        return sign(quantity) if self.element.components else -1 if quantity in self.element.odd else 1
 
     def follows_law(self, quantity: str) -> bool:
         """Return whether a quantity follows from the law: forces, torques and their derivatives."""

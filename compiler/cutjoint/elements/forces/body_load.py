@@ -1,6 +1,6 @@
 """A force or a torque on one body."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -41,7 +41,7 @@ class BodyLoad(Force):
         interaction=Wrench(point=Point(Carrier.BODY, "point")),
         laws=("components",),
         forms=(_FORCE, _TORQUE),
-        quantities=dict.fromkeys(("Fx", "Fy", "Fz"), "N"),
+        quantities=dict.fromkeys(("Fx", "Fy", "Fz"), "N"), components=True,
     )  # fmt: skip
 
     body: str
@@ -85,7 +85,3 @@ class BodyLoad(Force):
         x, y, z = (mirror.law(component) for component in self.components)
         image = mirror.rotation if self.point is None else mirror.vector
         return replace(super().mirrored(mirror, signs), components=image((x, y, z)))
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """All are components."""
-        return sign(quantity)

@@ -1,6 +1,6 @@
 """Six springs between two bodies at a point."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -47,7 +47,7 @@ class Bushing(Force):
             base=Point(Carrier.BASE, "point"), follower=Point(Carrier.FOLLOWER, "point"), frame=Frame(Carrier.BASE, "axes")
         ),
         laws=("laws",),
-        forms=(_ALONG, _ABOUT),
+        forms=(_ALONG, _ABOUT), components=True,
         quantities={
             **dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m"),
             **dict.fromkeys(("dx", "dy", "dz"), "m"), **dict.fromkeys(("rx", "ry", "rz"), "rad"),
@@ -70,10 +70,6 @@ class Bushing(Force):
         of_laws = (*mirror.signs, *(-sign for sign in mirror.signs))
         laws = tuple(mirror.reflected(law, sign) for sign, law in zip(of_laws, self.laws, strict=True))
         return replace(super().mirrored(mirror, signs), axes=mirror.frame(self.axes), laws=laws)
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """All are components, those about axes of rotations."""
-        return sign(quantity.replace("r", "M"))
 
 
 def _read_law(reader: Reader, index: int) -> Scalar:

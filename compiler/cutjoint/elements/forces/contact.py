@@ -1,6 +1,6 @@
 """A ball or a point of a body on a plane or a cylinder of another body, with a force by expressions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -52,7 +52,7 @@ class Contact(Force):
             start=Point(Carrier.BASE, "start"), centre=Point(Carrier.FOLLOWER, "centre"), along=Axis(Carrier.BASE, "along"),
             normal=Axis(Carrier.BASE, "normal"),
         ),
-        laws=("force",), forms=(_FORCE,), quantities={**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **_MOTION},
+        laws=("force",), forms=(_FORCE,), quantities={**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **_MOTION}, odd=(*_SIDEWAYS, "Fy"),
     )  # fmt: skip
 
     base: str
@@ -77,16 +77,7 @@ class Contact(Force):
             force=reader.triple("force", _FORCE, let="let"),
         )  # fmt: skip
 
-    @property
-    def measured(self) -> frozenset[str]:
-        """The motion of the contact."""
-        return frozenset(_MOTION)
-
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the contact, whose second direction is reversed."""
         x, y, z = (mirror.opposite(part, _SIDEWAYS) for part in self.force)
         return replace(super().mirrored(mirror, signs), force=(x, -y, z))
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """The sign of a quantity in the contact's image: -1 of the second direction and of the turn."""
-        return -1 if quantity in (*_SIDEWAYS, "Fy") else 1

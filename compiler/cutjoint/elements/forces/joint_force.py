@@ -1,6 +1,6 @@
 """Forces on the coordinates of a joint, and on all rotations of a ball."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -61,7 +61,7 @@ class BallSpring(Force):
         text="A spring and a damper on all turns of a joint.",
         fields=(),
         interaction=AttitudeForce(frame=Frame(Carrier.BASE, "axes")),
-        laws=("stiffness", "damping"),
+        laws=("stiffness", "damping"), components=True,
         quantities={
             **dict.fromkeys(("Mx", "My", "Mz"), "N*m"), **dict.fromkeys(("rx", "ry", "rz"), "rad"), "potential": "J",
         },
@@ -77,10 +77,6 @@ class BallSpring(Force):
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the spring."""
         return replace(self, axes=mirror.frame(self.axes))
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """Components are those of rotations; the potential is the same."""
-        return 1 if quantity == "potential" else sign(f"M{quantity[-1]}")
 
     def follows_law(self, quantity: str) -> bool:
         """Return whether a quantity follows from the law; the potential does."""

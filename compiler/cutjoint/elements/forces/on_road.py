@@ -42,6 +42,16 @@ class OnRoad(Force):
         """Return whether the terrain under the wheel depends on other elements."""
         return any(map(reads_elements, self.terrain.values()))
 
+    @property
+    def expressions(self) -> tuple[Scalar, ...]:
+        """The components, and the ground under the wheel."""
+        return (*super().expressions, *self.terrain.values())
+
+    @property
+    def measured(self) -> frozenset[str]:
+        """No quantity of a wheel whose ground reads other elements."""
+        return frozenset() if self.terrain_reads_elements else super().measured
+
     def with_added_terrain(self, added: Mapping[str, Scalar]) -> Self:
         """The wheel with ``added`` terrain, by the names of the fields: heights and slopes are summed, frictions multiplied."""
         own = self.terrain

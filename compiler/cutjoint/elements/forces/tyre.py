@@ -1,6 +1,6 @@
 """A wheel on the road."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -12,7 +12,6 @@ from cutjoint.elements.terms import Scalar
 
 CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")  #: the constants of the Calspan model
 _UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}  #: numbers that are fields of their own, with units
-_EVEN = ("Fz", "deflection")  #: quantities that keep their sign on the other side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +37,7 @@ class Tyre(OnRoad):
         interaction=RoadContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
         laws=(),
         quantities={"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
+        odd=("Fy", "Mz", "slip", "camber"),
     )  # fmt: skip
 
     constants: Mapping[str, Scalar]
@@ -55,17 +55,3 @@ class Tyre(OnRoad):
     @property
     def radius(self) -> Scalar:
         return self.constants["radius"]
-
-    @property
-    def expressions(self) -> tuple[Scalar, ...]:
-        """The ground under the wheel, and its friction."""
-        return tuple(self.terrain.values())
-
-    @property
-    def measured(self) -> frozenset[str]:
-        """No quantity of a wheel whose ground reads other elements."""
-        return frozenset() if self.terrain_reads_elements else super().measured
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """The sign of a quantity in the tyre's image: -1 of sideways quantities."""
-        return 1 if quantity in _EVEN else -1

@@ -1,6 +1,6 @@
 """A rotating wheel on the road, with forces and moments by expressions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -44,6 +44,7 @@ class Wheel(OnRoad):
         laws=("force", "moment"),
         forms=(_FORCE, _MOMENT),
         quantities={**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m"), **_MOTION},
+        odd=(*_SIDEWAYS, "Fy", "Mx", "Mz"),
     )  # fmt: skip
 
     free_radius: Scalar
@@ -62,21 +63,7 @@ class Wheel(OnRoad):
     def radius(self) -> Scalar:
         return self.free_radius
 
-    @property
-    def expressions(self) -> tuple[Scalar, ...]:
-        """The components, and the ground under the wheel."""
-        return (*super().expressions, *self.terrain.values())
-
-    @property
-    def measured(self) -> frozenset[str]:
-        """The motion of the contact, unless the ground reads other elements."""
-        return frozenset() if self.terrain_reads_elements else frozenset(_MOTION)
-
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the wheel, whose lateral motion and forces change their sign."""
         (fx, fy, fz), (mx, my, mz) = (tuple(mirror.opposite(part, _SIDEWAYS) for part in parts) for parts in (self.force, self.moment))
         return replace(super().mirrored(mirror, signs), force=(fx, -fy, fz), moment=(-mx, my, -mz))
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """The sign of a quantity in the wheel's image: -1 of sideways quantities."""
-        return -1 if quantity in (*_SIDEWAYS, "Fy", "Mx", "Mz") else 1

@@ -82,8 +82,8 @@ class Image:
         return coordinate_signs(mirror_along(self.axis), joint).get(quantity.removesuffix("_rate"), 1)
 
     def of_component(self, quantity: str) -> int:
-        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a rotational quantity (wx, Mz)."""
-        turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
+        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a rotational quantity (wx, Mz, rz)."""
+        turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wMr" for axis in "xyz"}}
         if quantity in turns:
             return 1 if turns[quantity] == self.axis else -1
         return -1 if quantity[-1] == self.axis else 1
