@@ -38,6 +38,7 @@ class Handle:
         self.address = library.create_simulation(self._memory.ctypes.data, size)
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
         self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units["input"])
+        self._states: dict[str, Values] = {}  # views of the memory, once they are asked for
         self._is_started = False
         self._independent: ctypes.Array[ctypes.c_int] | None = None  # the speeds that the user chose
         self._limits: dict[str, float] = {}

@@ -44,12 +44,7 @@ class States(Motion):
         Raises:
             SimulationError: there was no `reset`.
         """
-        self._require_start()
-        return self._coordinates
-
-    @cached_property
-    def _coordinates(self) -> Values:
-        return self._state("coordinates", "coordinate")
+        return self._state("coordinate")
 
     @property
     def speeds(self) -> Values:
@@ -58,12 +53,7 @@ class States(Motion):
         Raises:
             SimulationError: there was no `reset`.
         """
-        self._require_start()
-        return self._speeds
-
-    @cached_property
-    def _speeds(self) -> Values:
-        return self._state("speeds", "speed")
+        return self._state("speed")
 
     @property
     def accelerations(self) -> Values:
@@ -116,10 +106,13 @@ class States(Motion):
         gap = float(self.library.constraint_violation(self.address, ctypes.byref(equation)))
         return gap, None if equation.value < 0 else self.library.names["equation"][equation.value]
 
-    def _state(self, array: str, kind: str) -> Values:
-        view = self._view(array, kind)
-        view.flags.writeable = False
-        return Values(self.library.names[kind], view)
+    def _state(self, kind: str) -> Values:
+        self._require_start()
+        if kind not in self._states:
+            view = self._view(f"{kind}s", kind)
+            view.flags.writeable = False
+            self._states[kind] = Values(self.library.names[kind], view)
+        return self._states[kind]
 
     def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
         """Set time (s), coordinates and velocities, in the order of `coordinates` and `speeds`; loops are not closed.

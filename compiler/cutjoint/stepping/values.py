@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,6 +236,17 @@ class EventSensitivities:
         return f"<EventSensitivities: {shown or 'no event'}{', ...' if len(self.names) > 4 else ''}>"
 
 
+class _OverTime(property):
+    """An objective of outputs over time, and its derivatives."""
+
+    def __init__(self, objective: str, words: str) -> None:
+        super().__init__(lambda run: run._of(objective))
+        self.__doc__ = words
+
+    def __get__(self, run: Any, owner: type | None = None) -> tuple[Array, Array]:  # type: ignore[override]
+        return super().__get__(run, owner)  # type: ignore[no-any-return]
+
+
 @with_old_members
 @dataclass(frozen=True, kw_only=True)
 class ForwardSensitivities:
@@ -260,35 +272,12 @@ class ForwardSensitivities:
     def __repr__(self) -> str:
         return f"<ForwardSensitivities: {', '.join(self.outputs)} by {', '.join(self.by)}, {len(self.times)} rows>"
 
-    @property
-    def end(self) -> tuple[Array, Array]:
-        """The values at the end."""
-        return self._of("end")
-
-    @property
-    def integral(self) -> tuple[Array, Array]:
-        """Integrals over time by the trapezoidal rule."""
-        return self._of("integral")
-
-    @property
-    def mean(self) -> tuple[Array, Array]:
-        """Means over time."""
-        return self._of("mean")
-
-    @property
-    def rms(self) -> tuple[Array, Array]:
-        """Root mean squares over time."""
-        return self._of("rms")
-
-    @property
-    def maximum(self) -> tuple[Array, Array]:
-        """Largest values of the samples."""
-        return self._of("maximum")
-
-    @property
-    def minimum(self) -> tuple[Array, Array]:
-        """Smallest values of the samples."""
-        return self._of("minimum")
+    end = _OverTime("end", "The values at the end.")
+    integral = _OverTime("integral", "Integrals over time by the trapezoidal rule.")
+    mean = _OverTime("mean", "Means over time.")
+    rms = _OverTime("rms", "Root mean squares over time.")
+    maximum = _OverTime("maximum", "Largest values of the samples.")
+    minimum = _OverTime("minimum", "Smallest values of the samples.")
 
     def _of(self, objective: str) -> tuple[Array, Array]:
         found, weights = weigh(objective, self.times, self.values, self.outputs)
