@@ -85,8 +85,7 @@ def _run(
 
 
 def _report_failures(done: Batch, cases: Path, out: Path) -> None:
-    for failure in describe_failures(done):
-        options.err.print(f"{cases}: {failure}")
+    options.err.print_each(f"{cases}: {failure}" for failure in describe_failures(done))
     if failed := count_failures(done):
         options.err.print(f"{failed}; column 'run.failure' of {out} says how")
         raise SystemExit(1)

@@ -48,8 +48,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], assemblies
 
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = embed_loops(checked, chosen, measure=True)
-        for note in (*outcome.done, *outcome.left):
-            options.out.print(str(note))
+        options.out.print_each((*outcome.done, *outcome.left))
         if proof is not None:
             _prove(outcome.model, proof)
     if topology.closing:
@@ -59,8 +58,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], assemblies
         if indeterminate := find_indeterminate(topology, chosen, reaction_outputs(checked)):
             options.out.print(tables.indeterminate_reactions(indeterminate))
     momentary = [describe_momentary(checked, motion) for motion in find_momentary_motions(equations, poses)]
-    for words in (*describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)), *momentary):
-        options.out.print(words)
+    options.out.print_each((*describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)), *momentary))
     misfit = mend_misfit(equations, accuracy_of(chosen))[0]
     if misfit and not (skew and misfit.endswith(skew)):
         options.out.print(misfit)
@@ -73,8 +71,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], assemblies
 
         with options.progress_bar(f"assemblies of {model.name}"):
             lines = tables.assembly_lines(find_assemblies(checked, chosen))
-        for line in lines:
-            options.out.print(line, soft_wrap=True)
+        options.out.print_each(lines)
     options.out.print(tables.legend(with_loops=bool(topology.loops)))
     if is_foreign(model):
         options.out.print(f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes")
@@ -95,7 +92,6 @@ def _prove(model: Model, file: Path) -> None:
         raise RunError("--proof: no loop of the model is embedded, for the reasons above")
     with options.progress_bar(f"proving loops of {model.name}"):
         proofs = prove_loops(model)
-    for proof in proofs:
-        options.out.print(str(proof))
+    options.out.print_each(proofs)
     write_text(file, certificate_of(model, proofs))
     options.out.print(f"certificate: {file}; check it with python -m cutjoint.analysis.embedding.certificate {file}")

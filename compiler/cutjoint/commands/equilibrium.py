@@ -38,10 +38,9 @@ def command(
     options.out.print(force_table(shown, inner))
     if inner:
         options.out.print(f"not printed: {len(inner)} states and signals of library elements; --verbose prints them")
-    for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(trim) if trim is not None else ())]:
-        options.out.print(f"{name}: {value}")
-    for line in () if found.trim else standing_tyre_lines(checked, found):
-        options.out.print(line)
+    facts = [*locking_force_facts(found.locking_forces), *(trim_facts(trim) if trim is not None else ())]
+    options.out.print_each(f"{name}: {value}" for name, value in facts)
+    options.out.print_each(() if found.trim else standing_tyre_lines(checked, found))
     if free := [name for name in found.neutral if name not in inner]:
         options.out.print(f"neutral, in equilibrium at other values too: {', '.join(free)}")
     if stability:

@@ -72,8 +72,7 @@ def command(
         exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
     write_files(out, exported.files)
-    for sentence in exported.differences:
-        options.out.print(sentence)
+    options.out.print_each(exported.differences)
     if left_out := [o.column for o in chosen.outputs if not requested and o not in outputs]:
         options.out.print(f"outputs left out: {', '.join(left_out)}")
     options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it")
@@ -92,8 +91,7 @@ def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind
     require_apart({"the model": path}, documents=[("--out", out)])
     text, left_out = write(model, parameter_values(model, parameters))
     write_whole(out, text)
-    for sentence in left_out:
-        options.out.print(sentence)
+    options.out.print_each(left_out)
     options.out.print(f"{plural(len(model.bodies), 'body', 'bodies')}, {plural(len(model.joints), 'joint')} in {out}")
 
 

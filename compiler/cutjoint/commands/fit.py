@@ -63,8 +63,7 @@ def command(
     if view is not None:
         options.out.print(f"view: {write_whole(view, make_page(found))}")
     options.out.print(f"verdict: {found.verdict}, {found.iterations} iterations, {found.runs} runs; results: {out}")
-    for fault, words in found.faults.items():
-        options.out.print(f"  {fault}: {words}")
+    options.out.print_each(f"  {fault}: {words}" for fault, words in found.faults.items())
     if found.status:
         raise SystemExit(found.status)
 
@@ -76,8 +75,7 @@ def _design(study: Path, file: Path) -> None:
     found = design_experiment(study, lambda text: options.err.print(text))
     for names, before, after in found.weak:
         options.out.print(f"information (1/variance, shares of sizes) {before:.4g} before, {after:.4g} after: {describe(names)}")
-    for names in found.open:
-        options.out.print(f"no such inputs determine: {describe(names)}")
+    options.out.print_each(f"no such inputs determine: {describe(names)}" for names in found.open)
     lines = zip(*(map(repr, column.tolist()) for column in found.table.values()), strict=True)
     write_whole(file, "\n".join(map(",".join, [tuple(found.table), *lines])) + "\n")
     options.out.print(f"smallest eigenvalue: {found.before:.4g} before, {found.after:.4g} after; inputs: {file}")

@@ -72,8 +72,7 @@ def command(
         found = run.derive(names, from_equilibrium)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(str(error.args[0])) from None
-    for part in _fit_tables(found, names, options.out.width):
-        options.out.print(part)
+    options.out.print_each(_fit_tables(found, names, options.out.width))
     if objective not in ("equilibrium", "start") and (idle := [
         name for name, row in zip(names, found.derivatives.T, strict=True) if name in sim.parameters and not row.any()
     ]):  # fmt: skip
@@ -116,8 +115,7 @@ def _print_trim(
     found = find_trim(model, scene, parameters, names)[2]
     derivatives = np.array([[found.gradients[name][column] for name in names] for column in columns])
     numbers, units = np.array([found.unknowns[column] for column in columns]), [unknowns[column] for column in columns]
-    for part in _fit_tables(_Result("found by the trim", columns, units, numbers, derivatives), names, options.out.width):
-        options.out.print(part)
+    options.out.print_each(_fit_tables(_Result("found by the trim", columns, units, numbers, derivatives), names, options.out.width))
 
     def of_value(name: str, value: float) -> Array:
         other = find_trim(model, scene, {**parameters, name: value})[2].unknowns

@@ -29,8 +29,7 @@ def command(file: Path, base: str, name: str, folder: Path | None, out: Path | N
         read_model_text(imported.text, str(out), folder=folder or file.parent)  # checks that the written file can be read
     write_whole(out, imported.text)
     console = options.message_console(out)
-    for note in imported.notes:
-        console.print(f"{note[0].upper()}{note[1:]}.")
+    console.print_each(f"{note[0].upper()}{note[1:]}." for note in imported.notes)
     if imported.left_out:
         console.print("left out: " + ", ".join(f"{tag} ({count})" for tag, count in sorted(imported.left_out.items())))
     console.print(f"model: {out}")

@@ -26,8 +26,7 @@ def command(
                 read, scene=compliance, axle=axle, steer=steer, radius=radius, parameters=options.read_parameters(changes)
             )
         console = options.message_console(out)
-        for made in compliance_tables(loaded):
-            console.print(made)
+        console.print_each(compliance_tables(loaded))
         if out is not None:
             console.print(f"results: {write_compliance(loaded, out)}")
         return
@@ -39,8 +38,7 @@ def command(
             parameters=options.read_parameters(changes),
         )  # fmt: skip
     console = options.message_console(out)
-    for made in kinematics_tables(found):
-        console.print(made)
+    console.print_each(kinematics_tables(found))
     if out is not None:
         console.print(f"results: {write_kinematics(found, out)}")
     if plots is not None:

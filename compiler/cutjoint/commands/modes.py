@@ -23,8 +23,7 @@ def command(
     parameters = options.read_parameters(changes)
     with options.progress_bar(f"linearising {model.name}") as progress:
         found = find_scene_modes(checked, chosen, at=at, parameters=parameters, progress=progress)
-    for made in mode_tables(found):
-        options.message_console(out).print(made)
+    options.message_console(out).print_each(mode_tables(found))
     if found.at_rest and any(force.has_road for force in checked.forces):
         advice = "for modes of a rolling vehicle use --at TIME, or a scene with a trim at speed"
         options.message_console(out).print(f"the wheels stand; {advice}")

@@ -1,6 +1,6 @@
 """The common parts of commands: reports of errors, progress, values of parameters."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from math import ceil
@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, ProgressColumn, Task, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
 from cutjoint.model.ranges import fault_of
@@ -30,6 +31,11 @@ class _PlainConsole(Console):
 
     def print(self, *objects: Any, markup: bool | None = False, **how: Any) -> None:
         super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), markup=markup, **how)
+
+    def print_each(self, parts: Iterable[object]) -> None:
+        """Print tables and other parts, each on lines of its own."""
+        for part in parts:
+            self.print(part if isinstance(part, Table) else str(part))
 
 
 #: Seconds between two progress lines.
@@ -65,7 +71,7 @@ def is_watched() -> bool:
     return err.is_terminal
 
 
-def message_console(*outputs: Path | None) -> Console:
+def message_console(*outputs: Path | None) -> _PlainConsole:
     """The console for messages: standard error if standard output takes results."""
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 

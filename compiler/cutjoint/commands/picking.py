@@ -60,8 +60,7 @@ def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mappin
     wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
     with options.progress_bar(f"choosing method and steps for an accuracy of {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
-    for part in choice_tables(choice, wanted):
-        options.out.print(part)
+    options.out.print_each(choice_tables(choice, wanted))
     return choice.chosen, *chosen_model(choice)
 
 

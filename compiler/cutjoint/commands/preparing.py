@@ -201,8 +201,7 @@ def assemble_and_run(
 
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = embed_loops(model, scene)
-    for note in (*outcome.done, *outcome.left):
-        options.err.print(str(note))
+    options.err.print_each((*outcome.done, *outcome.left))
     prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation != "stop":
         options.err.print(f"{run.failure}; repeated with the loop equations")

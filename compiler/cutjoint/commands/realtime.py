@@ -30,8 +30,7 @@ def command(
             artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False, priority=priority,
             processor=processor,
         )  # fmt: skip
-    for made in time_tables(times):
-        options.message_console(out).print(made)
+    options.message_console(out).print_each(time_tables(times))
     if times.failure is not None:
         where = describe_failure(times.failure, artifact.scene.name, artifact.places, artifact, parameters)
         options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}")

@@ -27,8 +27,7 @@ def command(
         variants = reduction_sequence(checked, driven, method or method_of(driven), approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))
-    for note in (*variants[-1].done, *variants[-1].left):
-        options.out.print(str(note))
+    options.out.print_each((*variants[-1].done, *variants[-1].left))
     if view is not None:
         from cutjoint.view.states import show_reduction
 

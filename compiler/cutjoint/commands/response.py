@@ -57,8 +57,7 @@ def command(
             response = near.frequency_response(near.frequencies(points, first, last))
             rest = "the static equilibrium" if chosen.trim is None else "the trimmed start"
             about = rest if at is None else f"the motion at {at:g} s"
-            for made in report.response_tables(near, response.frequencies if first or last else None, about):
-                console.print(made)
+            console.print_each(report.response_tables(near, response.frequencies if first or last else None, about))
             written = None if out is None else report.write_response(response, out)
             pictures = [] if plots is None else report.plot_response(response, title, plots)
     except ValueError as error:

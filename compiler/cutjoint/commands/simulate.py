@@ -97,8 +97,7 @@ def command(
         console.print(tables.facts(f"model {prepared.model}", prepared.counts))
         console.print(tables.run_facts(prepared.compilation, run))
     else:
-        for name, value in tables.reported_facts(prepared.counts, prepared.compilation, run):
-            console.print(f"{name}: {value}")
+        console.print_each(f"{name}: {value}" for name, value in tables.reported_facts(prepared.counts, prepared.compilation, run))
         console.print(tables.summary_line(prepared.compilation, run))
     if display:
         from cutjoint.run.display import unused_units

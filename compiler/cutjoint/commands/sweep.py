@@ -39,8 +39,7 @@ def command(
     if threads is not None and scheduler is not None:
         raise RunError("--threads applies to this machine; the workers of --scheduler have their own")
     read = read_study(study, functions=functions)
-    for earlier in read.model.notes:
-        options.err.print(earlier)
+    options.err.print_each(read.model.notes)
     model = study.parent / read.model.span.file
     require_apart({"the study": study, "the model": model, "the page of another run": ghost_page},
         documents=[("--out", out), ("--view", view)])
@@ -107,8 +106,7 @@ def _report(study: Study, done: Sweep) -> None:
     else:
         options.out.print("all runs were already done")
     options.out.print(f"results: {done.path}, {plural(study.runs, 'run')}, {plural(len(done.table.column_names), 'column')}")
-    for scene, how in steps_of(done.manifest).items():
-        options.out.print(f"steps of scene '{scene}': {how}")
+    options.out.print_each(f"steps of scene '{scene}': {how}" for scene, how in steps_of(done.manifest).items())
     if failed:
         options.out.print(f"{failed} of them failed:")
         for runs in sorted(_group_by_reason(done.failures), key=len, reverse=True)[:_REASONS]:
