@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from cutjoint.model.elements.mirror import Mirror, coordinate_signs
+from cutjoint.elements.force import Mirror
+from cutjoint.model.elements.mirror import coordinate_signs
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import COORDINATES, Output
 from cutjoint.topology.build import build_topology

@@ -136,30 +136,41 @@ class Reader(Protocol):
         """A variable of a law."""
 
 
-class Mirror(Protocol):
+@dataclass(frozen=True)
+class Mirror:
     """A reflection along a global axis: ``signs`` of the three components."""
 
-    @property
-    def signs(self) -> tuple[int, int, int]: ...
+    signs: tuple[int, int, int]
 
     def vector(self, v: Vector) -> Vector:
         """The image of a point or a translation."""
+        return (self.signs[0] * v[0], self.signs[1] * v[1], self.signs[2] * v[2])
 
     def rotation(self, v: Vector) -> Vector:
         """The image of an axis of rotation or a torque."""
+        a, b, c = self.vector(v)
+        return (-a, -b, -c)
 
     def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
         """The image of a frame, whose axes along the mirror's are reversed once more: it stays right-handed, and global axes stay global.
         """
+        x, y, z = ((sign * a, sign * b, sign * c) for sign, (a, b, c) in zip(self.signs, map(self.vector, axes), strict=True))
+        return x, y, z
 
     def law(self, expression: Scalar) -> Scalar:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it."""
+        axis = "xyz"[self.signs.index(-1)]
+        return self.opposite(expression, (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis)))
 
-    def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
+    @staticmethod
+    def opposite(expression: Scalar, names: Sequence[str]) -> Scalar:
         """An expression with the sign of some variables changed."""
+        return expression.xreplace({symbol: -symbol for symbol in expression.free_symbols if symbol.name in names})
 
-    def reflected(self, law: Scalar, sign: int) -> Scalar:
+    @staticmethod
+    def reflected(law: Scalar, sign: int) -> Scalar:
         """A law over ``position`` and ``rate``, which change their sign, as its force does, if ``sign`` is -1."""
+        return law if sign > 0 else -Mirror.opposite(law, ("position", "rate"))
 
 
 # The record

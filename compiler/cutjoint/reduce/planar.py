@@ -10,10 +10,11 @@ from dataclasses import dataclass, fields, replace
 
 import sympy
 
+from cutjoint.elements.force import Mirror
 from cutjoint.elements.joint import ATTITUDE, Direction
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.model.elements.build import Elements
-from cutjoint.model.elements.mirror import ANGLES, coordinate_signs, mirror_elements, reflected_law
+from cutjoint.model.elements.mirror import ANGLES, coordinate_signs, mirror_elements
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.outcome import Note, Outcome
@@ -181,7 +182,7 @@ class PlaneModel:
         for force in (f for f in self.model.forces if f.name not in idle):
             if isinstance(force, JointForce) and force.joint in self.in_plane:
                 name, sign = self.in_plane[force.joint].kept[force.coordinate]
-                yield replace(force, coordinate=name, law=reflected_law(force.law, sign))
+                yield replace(force, coordinate=name, law=Mirror.reflected(force.law, sign))
             else:
                 yield force
 
@@ -298,7 +299,7 @@ def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[
         if (force.joint_of, force.coordinate_of) != (candidate.joint_of, candidate.coordinate_of):
             return False
         sign = signs[force.joint_of][force.coordinate_of]
-        return is_same(tuple(reflected_law(law, sign) for law in force.expressions), candidate.expressions)
+        return is_same(tuple(Mirror.reflected(law, sign) for law in force.expressions), candidate.expressions)
     shown = {f.name: getattr(reflection, f.name) for f in fields(reflection) if f.name not in _NAMING}
     if force.bodies != candidate.bodies:
         if not force.swapped or force.bodies[::-1] != candidate.bodies:

@@ -6,8 +6,9 @@ from typing import Any
 
 import sympy
 
+from cutjoint.elements.force import Mirror
 from cutjoint.model.elements.geometry import GLOBAL_AXES, cross, least_component
-from cutjoint.model.elements.mirror import Mirror, mirror_along
+from cutjoint.model.elements.mirror import mirror_along
 from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Scalar, Span, Vector
 

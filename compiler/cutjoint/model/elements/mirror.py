@@ -4,52 +4,19 @@ Points, translation axes and forces mirror as vectors; axes of rotation and torq
 so that a positive angle of the image is the image of a positive angle.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from cutjoint.elements.force import Mirror
 from cutjoint.elements.joint import DESIGN_FRAME, Direction, Translation
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.geometry import least_component
-from cutjoint.model.expressions.parse import POSITION, variable
+from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED
-from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
+from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Visual
 
 ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}  #: the angles of a body by the axis that each turns about
-
-
-@dataclass(frozen=True)
-class Mirror:
-    """Reflection along one global axis: ``signs`` of the three components."""
-
-    signs: tuple[int, int, int]
-
-    def vector(self, v: Vector) -> Vector:
-        return (self.signs[0] * v[0], self.signs[1] * v[1], self.signs[2] * v[2])
-
-    def rotation(self, v: Vector) -> Vector:
-        a, b, c = self.vector(v)
-        return (-a, -b, -c)
-
-    def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
-        """The image of a frame, right-handed: its axis along which the mirror reflects is reversed."""
-        x, y, z = (self._times(sign, self.vector(axis)) for sign, axis in zip(self.signs, axes, strict=True))
-        return x, y, z
-
-    @staticmethod
-    def _times(sign: int, v: Vector) -> Vector:
-        return (sign * v[0], sign * v[1], sign * v[2])
-
-    def law(self, expression: Scalar) -> Scalar:
-        axis = "xyz"[self.signs.index(-1)]
-        turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
-        return self.opposite(expression, turned)
-
-    def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
-        return expression.xreplace({variable(name): -variable(name) for name in names})
-
-    def reflected(self, law: Scalar, sign: int) -> Scalar:
-        return reflected_law(law, sign)
 
 
 @dataclass(frozen=True)
@@ -180,13 +147,6 @@ def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
         return replace(gear, law=first * gear.law.xreplace({POSITION: second * POSITION}))
     reflected = ((c, first * sign * ratio) for sign, (c, ratio) in zip(others, gear.others, strict=True))
     return replace(gear, ratio=first * second * gear.ratio, others=tuple(reflected))
-
-
-def reflected_law(law: Scalar, sign: int) -> Scalar:
-    """A law over ``position`` and ``rate``; these and its force change their sign where ``sign`` is -1."""
-    if sign > 0:
-        return law
-    return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})
 
 
 def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:
