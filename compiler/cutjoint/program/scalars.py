@@ -6,6 +6,7 @@ expression as written, but for ``a/c`` with a constant c, which becomes a produc
 """
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
@@ -100,7 +101,7 @@ class Graph:
         if node.op == "gather":
             return node.args[k]
         if node.op == "lane_const":
-            return self.const(self._numbers(a, node.lanes)[k])
+            return self.const(self._numbers(a)[k])
         if node.op == "neg":
             return self.neg(self.lane(node.args[0], k))
         return self._make("lane", (a,), k, lanes=0)
@@ -115,8 +116,8 @@ class Graph:
             return reduce(self.add, parts)
         return self._make("lane_sum", (a,), lanes=0)
 
-    def _numbers(self, a: int, lanes: int) -> tuple[float, ...]:
-        """The values of a constant in each lane; empty of anything else."""
+    def _numbers(self, a: int, lanes: int = 1) -> tuple[float, ...]:
+        """The values of a constant in each of so many lanes, if it has none itself; empty of anything else."""
         node = self.nodes[a]
         if node.op == "lane_const":
             assert isinstance(node.data, tuple)
@@ -124,11 +125,11 @@ class Graph:
         value = self.value(a)
         return () if value is None else (value,) * lanes
 
-    def _by_lane(self, function: Callable[[float, float], float], a: int, b: int) -> int | None:
-        """A function of constants of which at least one has lanes."""
-        lanes = max(self.nodes[a].lanes, self.nodes[b].lanes)
-        u, v = self._numbers(a, lanes), self._numbers(b, lanes)
-        return self.lane_const([function(x, y) for x, y in zip(u, v, strict=True)]) if lanes and u and v else None
+    def _folded(self, function: Callable[..., float], *args: int) -> int | None:
+        """A function of constants; None if an argument is something else."""
+        lanes = max((1, *(self.nodes[a].lanes for a in args)))
+        constants = [self._numbers(a, lanes) for a in args]
+        return self.lane_const([float(function(*each)) for each in zip(*constants, strict=True)]) if all(constants) else None
 
     def value(self, a: int) -> float | None:
         """The value of a constant, None of anything else."""
@@ -140,31 +141,21 @@ class Graph:
         node = self.nodes[a]
         if node.op == "neg":
             return node.args[0]
-        value = self.value(a)
-        if value is not None and value < 0.0:
-            return self.const(-value)
-        if node.op == "lane_const" and all(x <= 0.0 for x in self._numbers(a, node.lanes)):
-            return self.neg(a)
-        return None
+        numbers = self._numbers(a)
+        return self.neg(a) if any(numbers) and all(x <= 0.0 for x in numbers) else None
 
     def neg(self, a: int) -> int:
         """-a."""
-        value = self.value(a)
-        if value is not None:
-            return self.const(-value)
+        if (folded := self._folded(operator.neg, a)) is not None:
+            return folded
         node = self.nodes[a]
-        if node.op == "lane_const":
-            return self.lane_const([-x for x in self._numbers(a, node.lanes)])
         return node.args[0] if node.op == "neg" else self._make("neg", (a,))
 
     def add(self, a: int, b: int) -> int:
         """a + b."""
-        u, v = self.value(a), self.value(b)
-        if u is not None and v is not None:
-            return self.const(u + v)
-        folded = self._by_lane(lambda x, y: x + y, a, b)
-        if folded is not None:
+        if (folded := self._folded(operator.add, a, b)) is not None:
             return folded
+        u, v = self.value(a), self.value(b)
         if u == 0.0:
             return b
         if v == 0.0:
@@ -179,12 +170,9 @@ class Graph:
 
     def sub(self, a: int, b: int) -> int:
         """a - b."""
-        u, v = self.value(a), self.value(b)
-        if u is not None and v is not None:
-            return self.const(u - v)
-        folded = self._by_lane(lambda x, y: x - y, a, b)
-        if folded is not None:
+        if (folded := self._folded(operator.sub, a, b)) is not None:
             return folded
+        u, v = self.value(a), self.value(b)
         if v == 0.0:
             return a
         if u == 0.0:
@@ -201,12 +189,9 @@ class Graph:
 
     def mul(self, a: int, b: int) -> int:
         """a * b."""
-        u, v = self.value(a), self.value(b)
-        if u is not None and v is not None:
-            return self.const(u * v)
-        folded = self._by_lane(lambda x, y: x * y, a, b)
-        if folded is not None:
+        if (folded := self._folded(operator.mul, a, b)) is not None:
             return folded
+        u, v = self.value(a), self.value(b)
         if u == 0.0 or v == 0.0:
             return self.const(0.0)
         if u == 1.0:
@@ -221,10 +206,7 @@ class Graph:
 
     def div(self, a: int, b: int) -> int:
         """a / b."""
-        v = self.value(b)
-        if v is not None and _has_inverse(v):
-            return self.mul(a, self.const(1.0 / v))
-        if (numbers := self._numbers(b, self.nodes[b].lanes)) and all(map(_has_inverse, numbers)):
+        if (numbers := self._numbers(b)) and all(map(_has_inverse, numbers)):
             return self.mul(a, self.lane_const([1.0 / x for x in numbers]))
         if self.value(a) == 0.0:
             return a
@@ -236,13 +218,12 @@ class Graph:
 
     def call(self, function: str, args: tuple[int, ...], table: object = None) -> int:
         """Any other scalar function."""
-        values, lanes = [self.value(a) for a in args], max((self.nodes[a].lanes for a in args), default=0)
+        values, has_lanes = [self.value(a) for a in args], any(self.nodes[a].lanes for a in args)
         row = OPERATIONS.get(function)
-        fold, constants = None if row is None else row.fold, [self._numbers(a, max(lanes, 1)) for a in args]
-        if fold is not None and all(constants) and not (lanes and function in CONDITIONS):
+        if row is not None and row.fold is not None and not (has_lanes and function in CONDITIONS):
             try:
-                folded = [float(fold(*each)) for each in zip(*constants, strict=True)]
-                return self.lane_const(folded) if lanes else self.const(folded[0])
+                if (folded := self._folded(row.fold, *args)) is not None:
+                    return folded
             except OverflowError:
                 raise OverflowedConstantError(self.section) from None
             except ValueError:
