@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
@@ -14,44 +14,40 @@ from cutjoint.elements.terms import Scalar
 from cutjoint.model.expressions.operations import RELATIONS, SMOOTH
 from cutjoint.ops import OPERATIONS
 
-_OF_RUNS: Mapping[Any, Callable[..., Any]] = {
-    sympy.Add: lambda *terms: sum(terms),
-    sympy.Mul: lambda *factors: math.prod(factors),
-    sympy.Pow: lambda base, exponent: np.power(np.float64(base), exponent),
-    sympy.And: lambda *parts: reduce(np.logical_and, parts),
-    sympy.Or: lambda *parts: reduce(np.logical_or, parts),
-    sympy.Not: np.logical_not,
-    sympy.Abs: np.abs,
-    sympy.exp: np.exp,
-    **dict(RELATIONS.values()),
-    **{function: OPERATIONS[name].numpy for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
-}
-
 
 def evaluate(expression: Scalar, values: Mapping[Scalar, float]) -> float:
     """The value of an expression of a model file, in plain floats; NaN when it has none."""
     try:
-        result = _evaluate(expression, values)
+        result = _evaluate(expression, values, _EVALUATORS, _first_case)
     except (ArithmeticError, ValueError):
         return math.nan
     return float(result)
 
 
-def _evaluate(node: Scalar, values: Mapping[Scalar, float]) -> Any:
+def _evaluate(node: Scalar, values: Mapping[Scalar, Any], by: Mapping[Any, Callable[..., Any]], choose: Callable[..., Any]) -> Any:
+    """The value of an expression by functions ``by`` its kinds of nodes, and ``choose`` for those of cases."""
     if node in values:
         return values[node]
     if node.is_Number or node.is_NumberSymbol:
         return float(node)
     if isinstance(node, sympy.Piecewise):
-        for value, condition in node.args:
-            if _evaluate(condition, values):
-                return _evaluate(value, values)
-        return math.nan
+        return choose(node.args, lambda part: _evaluate(part, values, by, choose))
     if node in (sympy.true, sympy.false):
         return node is sympy.true
-    if node.func not in _EVALUATORS:
+    if node.func not in by:
         return math.nan
-    return _EVALUATORS[node.func](*(_evaluate(argument, values) for argument in node.args))
+    return by[node.func](*(_evaluate(argument, values, by, choose) for argument in node.args))
+
+
+def _first_case(cases: Sequence[tuple[Scalar, Scalar]], value_of: Callable[[Scalar], Any]) -> Any:
+    return next((value_of(value) for value, condition in cases if value_of(condition)), math.nan)
+
+
+def _case_of_each_run(cases: Sequence[tuple[Scalar, Scalar]], value_of: Callable[[Scalar], Any]) -> Any:
+    result: Any = math.nan
+    for value, condition in reversed(cases):
+        result = np.where(value_of(condition), value_of(value), result)
+    return result
 
 
 def _power(base: float, exponent: float) -> float:
@@ -75,26 +71,21 @@ _EVALUATORS: Mapping[Any, Callable[..., Any]] = {
     **{function: numeric for function, numeric in SMOOTH.values() if isinstance(function, type)},
 }
 
+_OF_RUNS: Mapping[Any, Callable[..., Any]] = {
+    **_EVALUATORS,
+    sympy.Add: lambda *terms: sum(terms),
+    sympy.Pow: lambda base, exponent: np.power(np.float64(base), exponent),
+    sympy.And: lambda *parts: reduce(np.logical_and, parts),
+    sympy.Or: lambda *parts: reduce(np.logical_or, parts),
+    sympy.Not: np.logical_not,
+    sympy.Abs: np.abs,
+    sympy.exp: np.exp,
+    **{function: OPERATIONS[name].numpy for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
+}
+
 
 def evaluate_runs(expression: Scalar, values: Mapping[Scalar, float | NDArray[np.float64]], runs: int) -> NDArray[np.float64]:
     """The values of an expression in many runs, (runs,), whose symbols have one value, or one for each run; NaN or infinite for none."""
     with np.errstate(all="ignore"):
-        return np.broadcast_to(np.asarray(_evaluate_runs(expression, values), dtype=np.float64), runs)
+        return np.broadcast_to(np.asarray(_evaluate(expression, values, _OF_RUNS, _case_of_each_run), dtype=np.float64), runs)
 
-
-def _evaluate_runs(node: Scalar, values: Mapping[Scalar, Any]) -> Any:
-    if node in values:
-        return values[node]
-    if node.is_Number or node.is_NumberSymbol:
-        return np.float64(node)
-    if isinstance(node, sympy.Piecewise):
-        result: Any = math.nan
-        for case in reversed(node.args):
-            value, condition = (_evaluate_runs(part, values) for part in case.args)
-            result = np.where(condition, value, result)
-        return result
-    if node in (sympy.true, sympy.false):
-        return node is sympy.true
-    if node.func not in _OF_RUNS:
-        return math.nan
-    return _OF_RUNS[node.func](*(_evaluate_runs(argument, values) for argument in node.args))
