@@ -258,4 +258,4 @@ def test_a_batch_and_a_rollout_have_the_ends_of_single_runs() -> None:
 def test_only_guides_that_may_jump_keep_runs_out_of_lanes(text: str, lanes: int) -> None:
     model = read_model(_file(text, BETWEEN))
     scene = find_scene(model, None)
-    assert make_standalone(generate(model, scene, scene.outputs), equal_steps=True, side_by_side=True).lanes == lanes
+    assert make_standalone(generate(model, scene, scene.outputs), equal_steps=True, side_by_side=True).parts.lanes == lanes

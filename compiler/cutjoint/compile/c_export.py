@@ -117,29 +117,9 @@ class Standalone:
         return simulation_size(self.parts, self.steps)
 
     @property
-    def lanes(self) -> int:
-        """The number of simulations that its code can take side by side; 0: none."""
-        return self.parts.lanes
-
-    @property
-    def dofs(self) -> int | None:
-        """The degrees of freedom where it has minimal coordinates and derivatives."""
-        return self.parts.dofs
-
-    @property
-    def poses(self) -> tuple[str, ...]:
-        """The names of elements whose poses it has."""
-        return self.parts.poses
-
-    @property
     def mark(self) -> str:
         """The digest in the C header: of the model, its scene's steps and the version."""
         return digest_of(self.digest, self.integrator)
-
-    @property
-    def simulator(self) -> str:
-        """The name of the program that reads a run file and prints a table."""
-        return simulator_of(self.name)
 
     @cached_property
     def files(self) -> Mapping[str, str]:
@@ -205,7 +185,7 @@ class Standalone:
         page = Page.of(equations, self.method)
         kinds = {
             "Parameter": [p.name for p in equations.parameters], "Input": [p.name for p in equations.inputs],
-            "Output": [c.name for c in equations.columns], "Pose": list(self.poses),
+            "Output": [c.name for c in equations.columns], "Pose": list(self.parts.poses),
         }  # fmt: skip
         return {
             f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=module_script()),
@@ -379,7 +359,7 @@ def plan_export(generated: Generated, options: CompileOptions) -> ExportPlan | N
             generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise, adjoint=options.adjoint
         )  # fmt: skip
         standalone = replace(standalone, reproducible=options.reproducible)
-        delivery = ExportPlan(folder=folder, files=standalone.files, program=standalone.simulator, standalone=standalone)
+        delivery = ExportPlan(folder=folder, files=standalone.files, program=simulator_of(standalone.name), standalone=standalone)
     if delivery is not None:
         model, names = Path(generated.equations.topology.model.span.file), (*delivery.files, delivery.program)
         require_apart({"the model": model}, documents=[(f"--out {folder}: file", delivery.folder / name) for name in names])

@@ -50,7 +50,7 @@ def with_runs(
     show = _printer(study.model, columns, names)
     p, calls = standalone.name, _calls(standalone.name, variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
-        p=p, P=p.upper(), lanes=standalone.lanes, variables=variables, unit_bound=UNIT_BOUND,
+        p=p, P=p.upper(), lanes=standalone.parts.lanes, variables=variables, unit_bound=UNIT_BOUND,
         series=[show(s.value) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
         following=list(_following(p, study, scene, show, names)),
@@ -161,7 +161,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     ready = with_runs(standalone, study, scene, equations.columns, names, (*study.variables, *starts))
     return Kernel(
         model=standalone.name, scene=scene.name, source=ready.library.digest,
-        content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
+        content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.parts.lanes),
         series=len(study.series), rows=rows, row_step=row_step, steps=standalone.settings,
         starts=tuple(v.name for v in starts),
     )  # fmt: skip

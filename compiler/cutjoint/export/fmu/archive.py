@@ -160,7 +160,7 @@ def make_fmu(
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
     standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1], derives_steps=False)
-    interface = make_interface(described, standalone.run_file, standalone.dofs, standalone.poses)
+    interface = make_interface(described, standalone.run_file, standalone.parts.dofs, standalone.parts.poses)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.indicators)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     kept, layer = page.render("fmu/kept.cpp.jinja", **view), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
@@ -214,7 +214,7 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
         "functions": sorted({*re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]), "keep", "put_back"}),
         "stops": stops, "missing": [*MISSING, *(function for group, there in groups if not there for function in group)],
         "adaptive": steps.adaptive, "iterated": steps.is_iterated and not (steps.stages or standalone.parts.system),
-        "has_poses": bool(standalone.poses), "starts": interface.starts, "rated": interface.rated,
+        "has_poses": bool(standalone.parts.poses), "starts": interface.starts, "rated": interface.rated,
         "samples": bool(standalone.parts.stepped.discrete_states),
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
         **{kind: [repr(v.start) for v in getattr(interface, kind)] for kind in ("parameters", "settings", "inputs")},
