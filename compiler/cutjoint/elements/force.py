@@ -265,19 +265,9 @@ class Force:
         return self.interaction.needs_attitude
 
     @property
-    def can_be_guarded(self) -> bool:
-        """Return whether a guard can replace the force: its law is over one position, or over a point's."""
-        return self.interaction.can_be_guarded
-
-    @property
     def has_frame(self) -> bool:
         """Return whether the force has components along axes of a body, so that its points and directions alone do not determine it."""
         return any(isinstance(place, Frame) for place in self.places)
-
-    @property
-    def swapped(self) -> Mapping[str, Any]:
-        """The places of the force with its bodies exchanged, {} if that makes another force of it."""
-        return self.interaction.swapped(self)
 
     def sole_point(self, carrier: Carrier) -> Point | None:
         """The point at which it acts on a body, if it needs nothing else of the body."""

@@ -77,7 +77,7 @@ def _reason(force: Force, scene: Scene) -> str:
     """The reason that a force is not removed, "" if it can be."""
     if not is_active(force, scene):
         return "stays: it is switched off"
-    if not force.can_be_guarded:
+    if not force.interaction.can_be_guarded:
         return "stays: it has no law over one position"
     region = _region(force)
     if region is None:

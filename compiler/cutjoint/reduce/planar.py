@@ -302,7 +302,7 @@ def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[
         return is_same(tuple(Mirror.reflected(law, sign) for law in force.expressions), candidate.expressions)
     shown = {f.name: getattr(reflection, f.name) for f in fields(reflection) if f.name not in _NAMING}
     if force.bodies != candidate.bodies:
-        if not force.swapped or force.bodies[::-1] != candidate.bodies:
+        if not force.interaction.swapped(force) or force.bodies[::-1] != candidate.bodies:
             return False
-        shown |= reflection.swapped
+        shown |= reflection.interaction.swapped(reflection)
     return all(is_same(value, getattr(candidate, name)) for name, value in shown.items())

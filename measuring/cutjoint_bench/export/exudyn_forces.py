@@ -116,7 +116,7 @@ class ForceWriter:
 
     def load(self, load: Any) -> str:
         laws = [self.numbers.law(component) for component in load.components]
-        axes = self.axes(load.body, _GLOBAL) if load.in_body else None
+        axes = self.axes(load.body, _GLOBAL) if load.has_frame else None
         if load.point is None:
             return f"torque({axes!r}, {function(_SPIN, *laws)})"
         return f"load({self.arm(load.body, load.point)!r}, {axes!r}, {function(_PLACE, *laws)})"

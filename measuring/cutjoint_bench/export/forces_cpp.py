@@ -135,7 +135,7 @@ class _Writer:
         variables = ["Vector w"] if load.point is None else ["Vector place", "Vector velocity"]
         name, body = ("torque", [self.side(load.body)]) if load.point is None else ("load", [*self.at(load.body, load.point)])
         law = _function(variables, "Vector", f"{{{', '.join(laws)}}}")
-        if load.in_body:
+        if load.has_frame:
             return _call(f"body_{name}", *body, self.axes(load.body, _GLOBAL), law)
         return _call(name, *body, law)
 

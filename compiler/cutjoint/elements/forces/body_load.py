@@ -61,19 +61,14 @@ class BodyLoad(Force):
         )  # fmt: skip
 
     @property
-    def in_body(self) -> bool:
-        """Return whether the components are in the body's axes."""
-        return self.axes == "body"
-
-    @property
     def has_frame(self) -> bool:
         """Return whether the load has components along axes of the body."""
-        return self.in_body
+        return self.axes == "body"
 
     @property
     def needs_attitude(self) -> bool:
         """Return whether the load has components in the body's axes, or a torque."""
-        return self.in_body or self.point is None
+        return self.has_frame or self.point is None
 
     @property
     def quantities(self) -> Mapping[str, str]:

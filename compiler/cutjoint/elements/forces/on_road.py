@@ -38,11 +38,6 @@ class OnRoad(Force):
         return {name: value for name in TERRAIN if (value := getattr(self, name)) is not None}
 
     @property
-    def terrain_reads_elements(self) -> bool:
-        """Return whether the terrain under the wheel depends on other elements."""
-        return any(map(reads_elements, self.terrain.values()))
-
-    @property
     def expressions(self) -> tuple[Scalar, ...]:
         """The components, and the ground under the wheel."""
         return (*super().expressions, *self.terrain.values())
@@ -50,7 +45,7 @@ class OnRoad(Force):
     @property
     def measured(self) -> frozenset[str]:
         """No quantity of a wheel whose ground reads other elements."""
-        return frozenset() if self.terrain_reads_elements else super().measured
+        return frozenset() if any(map(reads_elements, self.terrain.values())) else super().measured
 
     def with_added_terrain(self, added: Mapping[str, Scalar]) -> Self:
         """The wheel with ``added`` terrain, by the names of the fields: heights and slopes are summed, frictions multiplied."""

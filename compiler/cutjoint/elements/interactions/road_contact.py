@@ -38,10 +38,6 @@ class WheelContact(Interaction):
     def visuals(self) -> tuple[Visual, ...]:
         return (Wheel(self.centre, self.axis, self.rotates),)
 
-    def meet(self, force: Any, m: Mechanics) -> Ground:
-        """The road under the wheel."""
-        return meet_road(m, force, m.point(self.centre).x, m.direction(self.axis).x)
-
     def arrow(self, force: Any, context: VisualContext) -> Arrow:
         """The load on the wheel, from the road under its centre."""
         return context.lift(self.centre, force.radius, "Fz")

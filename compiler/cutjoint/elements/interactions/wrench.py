@@ -30,7 +30,7 @@ class Wrench(Interaction):
         components = b.column([m.scalar(c, values) for c in force.components])
         if force.moving_only:
             components = m.in_motion(components)
-        vector = m.from_body(self.point.carrier, components) if force.in_body else m.from_global(components)
+        vector = m.from_body(self.point.carrier, components) if force.has_frame else m.from_global(components)
         if force.point is None:
             m.apply_torque(self.point.carrier, vector)
         else:
@@ -45,8 +45,8 @@ class Wrench(Interaction):
             at = m.point(self.point)
             vectors = {"": at.x, "v": at.v}
         for name in [name for name in vectors if name]:
-            vectors[name] = m.in_body(self.point.carrier, vectors[name]) if force.in_body else m.in_global(vectors[name])
+            vectors[name] = m.in_body(self.point.carrier, vectors[name]) if force.has_frame else m.in_global(vectors[name])
         return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
 
     def arrow(self, force: BodyLoad, context: VisualContext) -> Arrow:
-        return None if force.point is None else context.components(self.point, self.point.carrier if force.in_body else None)
+        return None if force.point is None else context.components(self.point, self.point.carrier if force.has_frame else None)

@@ -11,7 +11,7 @@ import sympy
 
 from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
-from cutjoint.elements.interactions.road_contact import WheelContact
+from cutjoint.elements.interactions.road_contact import WheelContact, meet_road
 from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, forces_guarded, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
@@ -189,7 +189,7 @@ def find_contacts(system: BodySystem, k: Kinematics, model: Model, scene: Scene)
         m = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
         contact = force.interaction
         assert isinstance(contact, WheelContact)
-        road = contact.meet(force, m)
+        road = meet_road(m, force, m.point(contact.centre).x, m.direction(contact.axis).x)
         at = b.sub(k.point(force.body, force.centre), b.scale(road.distance(b), road.e_z))
         found[force.name] = ContactFrame(body=force.body, at=at, axes=b.stack([[road.e_x, road.e_y, road.n]]))
     return found

@@ -101,7 +101,7 @@ class _Forces:
             [[i, *self._trees.only_moving(load, [self._trees.one(derivative)])] for i, derivative in derivatives(component)]
             for component in load.components
         ]
-        details = {"torque": load.point is None, "in_body": load.in_body, "components": self._trees.loads(load), "by": by}
+        details = {"torque": load.point is None, "in_body": load.has_frame, "components": self._trees.loads(load), "by": by}
         return "load", details, (*at, *axes)
 
     def contact(self, tyre: Tyre, how: RoadContact) -> tuple[str, Json, tuple[Uses, ...]]:
