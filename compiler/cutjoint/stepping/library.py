@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cutjoint.compile.c_export import Standalone, lanes_break_even
+from cutjoint.compile.c_export import Standalone
 from cutjoint.emit.source import environment
 from cutjoint.methods import Steps
 from cutjoint.run.settings import StepSettings
@@ -180,11 +180,7 @@ class Lanes:
     """
 
     def __init__(self, model: str, operations: int, build: Callable[[], Path]) -> None:
-        self._model, self._operations, self._build = model, operations, build
-
-    def reach_break_even(self, steps: int) -> bool:
-        """Return whether, for so many steps of all simulations, lanes save more time than their compilation takes."""
-        return lanes_break_even(self._operations, steps)
+        self._model, self.operations, self._build = model, operations, build
 
     @cached_property
     def _functions(self) -> tuple[Any, int, int]:

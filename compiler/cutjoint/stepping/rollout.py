@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cutjoint.compile.c_export import lanes_break_even
 from cutjoint.emit.classes import MOST_LANES
 from cutjoint.stepping.library import Lanes
 from cutjoint.stepping.simulation import Simulation
@@ -50,7 +51,7 @@ def rollout(
     columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in constants]
     rows = np.full((number, steps, len(simulation.outputs)), np.nan)
     lanes = simulation.library.lanes
-    if trajectories or lanes is None or not lanes.reach_break_even(steps * number):
+    if trajectories or lanes is None or not lanes_break_even(lanes.operations, steps * number):
         perform, at_once = _alone(simulation, begins, columns, trajectories, rows), 1
     else:
         perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), MOST_LANES

@@ -100,11 +100,6 @@ class Part:
         """A copy in a folder; None if there is nothing to copy."""
         return next((folder / self.file for place in self.places if fetch(place, folder / self.file)), None)
 
-    @property
-    def definition(self) -> str:
-        """The name of CMake's variable that says where it is."""
-        return f"CUTJOINT_{self.name.upper()}"
-
 
 def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> tuple[Part, ...]:
     """The parts of a driver, one of DRIVERS; none of anything else.
@@ -165,7 +160,8 @@ def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tu
                     with suppress(ToolchainError):  # where the cache cannot be written nobody builds there
                         stack.enter_context(exclusive(part.place(cache_folder())))
         copies = {part: part.fetch(folder) for part in parts}
-        yield [f"-D{part.definition}={copy}" for part, copy in copies.items() if copy], [part for part, copy in copies.items() if not copy]
+        found = [f"-DCUTJOINT_{part.name.upper()}={copy}" for part, copy in copies.items() if copy]
+        yield found, [part for part, copy in copies.items() if not copy]
 
 
 def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:

@@ -119,23 +119,20 @@ class Mover:
     @cached_property
     def equations(self) -> RecursiveEquations:
         """The recursive equations with the values of the parameters as their defaults."""
-        equations = formulate_recursive(build_topology(self.model), self.scene_with_constants, ())
-        values = parameter_values(self.model, self._with_constants[1])
+        scene, inputs = self.with_constants
+        equations, values = formulate_recursive(build_topology(self.model), scene, ()), parameter_values(self.model, inputs)
         return replace(equations, parameters=tuple(replace(p, value=values[p.name]) for p in equations.parameters))
 
     @cached_property
-    def _with_constants(self) -> tuple[Scene, dict[str, float]]:
+    def with_constants(self) -> tuple[Scene, dict[str, float]]:
+        """The scene with inputs that are given as constants, and the parameters."""
         return with_constant_inputs(self.model, self.scene, self.parameters)
-
-    @property
-    def scene_with_constants(self) -> Scene:
-        """The scene with inputs that are given as constants."""
-        return self._with_constants[0]
 
     def poses(self, q: Array) -> Mapping[str, BodyPose]:
         """The poses of all bodies at coordinates (rows, coordinates)."""
-        equations = derive_poses(self.equations.topology, self.scene_with_constants)
-        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, self._with_constants[1]))
+        scene, parameters = self.with_constants
+        equations = derive_poses(self.equations.topology, scene)
+        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, parameters))
 
     def swing(self, q: Array, shape: Complex) -> Mapping[str, BodyPose]:
         """The poses over a period of a small motion about coordinates ``q``: ``shape`` (speeds,) has amplitudes and phases."""

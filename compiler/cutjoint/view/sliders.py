@@ -58,7 +58,7 @@ def make_sliders(mover: Mover, q: Array) -> Sliders | None:
 
 def _script(mover: Mover, q: Array) -> str:
     """Functions ``poses``, of each body the rotation by rows and the shift, and ``residual`` of the loops."""
-    equations, scene = mover.equations, mover.scene_with_constants
+    equations, scene = mover.equations, mover.with_constants[0]
     poses = derive_poses(equations.topology, scene)
     values, places = make_inputs(equations, q, np.zeros(equations.speeds)), {f"q:{c.joint}": c.q for c in equations.charts}
     blocks = [block for body in mover.model.bodies for block in (poses.rotations[body.name], poses.shifts[body.name])]

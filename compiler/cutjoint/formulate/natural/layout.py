@@ -304,7 +304,7 @@ class _Builder:
         rank = _span([self._column(item) for item in items])
         points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
         if rank == 4 and group not in self._alike:
-            points = [need for need in points if not self._is_of_alike(need)]
+            points = [need for need in points if need.title.element not in self._alike]  # joints alike are side by side in lanes
         if not existing and rank == 4:
             self._free(group, needs, selection)
         if existing and existing[0].kind is not NodeKind.POINT:
@@ -315,10 +315,6 @@ class _Builder:
                 selection.offer(group, need, _OWN if selection.nodes else _SHARED)
         self._complete(group, needs, selection, rank)
         return selection.nodes, surplus
-
-    def _is_of_alike(self, need: Need) -> bool:
-        """Return whether a need is that of one of several joints alike, computed side by side in lanes."""
-        return need.title.element in self._alike
 
     def _first_point(self, group: str, points: Sequence[Need], needs: Needs) -> Need:
         known = [n for n in (*points, *needs.spanned) if n.kind is NodeKind.POINT]

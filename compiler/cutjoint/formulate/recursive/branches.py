@@ -241,18 +241,13 @@ class BranchSystem:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
             if self.hub is not None:
                 right = b.sub(right, b.mul(self._W, self.hub.solution))
-            self._zdd = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
+            self.solution = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
             for rotor in self.k.rotors.values():
                 if (body := rotor.carrier) in self.branch.bodies and body not in Zdd:
-                    parts = dict(self._parts(self._zdd))
+                    parts = dict(self._parts(self.solution))
                     moved = [b.mul(self.subspaces[each], parts[each]) for each in self._carriers(body) if each in parts]
                     Zdd[body] = b.name(b.total([Zdd[self.branch.carrier], self._known(body), *moved]), "Zdd", body)
-            return self._parted(self._zdd)
-
-    @property
-    def solution(self) -> Block:
-        """The unknowns that `solve` has found, in one column."""
-        return self._zdd
+            return self._parted(self.solution)
 
     def _parts(self, unknown: Block) -> Iterator[tuple[str, Block]]:
         start = 0
@@ -278,7 +273,7 @@ class BranchSystem:
     def _error(self, loop: Closing) -> Block:
         b, name = self.k.builder, loop.element.name
         with b.section("multipliers", name, ERRORS, loop.element.span.place):
-            moved = b.mul(self._rows[name], self._zdd)
+            moved = b.mul(self._rows[name], self.solution)
             if self.hub is not None and name in self._by_hub:
                 moved = b.add(moved, b.mul(self._by_hub[name], self.hub.solution))
             return b.add(moved, self._drift[name])

@@ -62,7 +62,7 @@ class LoadFriction:
     def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:
         """The vectors, each (3, 1), whose lengths make the load; components along the joint's own motions are excluded."""
         b, force, joint = k.builder, self.force, self.joint
-        reaction, moment = reactions.on_follower(joint.name)
+        reaction, moment = reactions.on_follower[joint.name]
         slides, turns = _directions(k, joint)
         axis = {**slides, **turns}[force.coordinate]
         found = [_across(b, reaction, [*slides.values(), axis])]

@@ -70,10 +70,6 @@ class JointMotion:
         """The names of the k unknowns among the joint's speeds."""
         return self.chart.speed_names if self.chart is not None else ()
 
-    def place_and_speeds(self, b: Builder) -> tuple[Block, Block]:
-        """Coordinates with the quaternion of a ball, and speeds, as columns."""
-        return b.column([*self.position, *self.quaternion]), b.column(self.rate)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rotor:
@@ -402,5 +398,8 @@ def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
         laws=tuple(law for f in laws.functions for law in f.results.values()),
         rotations={name: k.frames[name].R for name in topology.order},
         shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},
-        followers={m.tree_joint.joint.name: m.place_and_speeds(b) for m in k.motions.values() if m.derivative is not None},
+        followers={
+            m.tree_joint.joint.name: (b.column([*m.position, *m.quaternion]), b.column(m.rate))
+            for m in k.motions.values() if m.derivative is not None
+        },
     )  # fmt: skip

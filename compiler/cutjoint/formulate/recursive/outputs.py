@@ -39,16 +39,12 @@ class Reactions:
     def component(self, reaction: Reaction, quantity: str) -> Block:
         """The block of one quantity of a reaction."""
         is_moment, direction = reaction_component(reaction, quantity)
-        force, moment = self.on_follower(reaction.joint)
+        force, moment = self.on_follower[reaction.joint]
         return self.kinematics.builder.dot(self.kinematics.direction(reaction.body, direction), moment if is_moment else force)
 
-    def on_follower(self, joint: str) -> tuple[Block, Block]:
-        """The force of a joint on its follower and the moment about the follower's point, (3, 1) each."""
-        return self._on_follower[joint]
-
     @cached_property
-    def _on_follower(self) -> dict[str, tuple[Block, Block]]:
-        """Force and moment about the follower's point by joint, (3, 1) each."""
+    def on_follower(self) -> dict[str, tuple[Block, Block]]:
+        """The force of each joint on its follower and the moment about the follower's point, (3, 1) each."""
         b, found = self.kinematics.builder, {}
         for loop, wrenches in zip(self.loops, self._constraint_wrenches, strict=True):
             name, wrench = loop.joint.name, wrenches[loop.joint.follower]
