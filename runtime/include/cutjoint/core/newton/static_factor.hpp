@@ -55,6 +55,19 @@ struct Tables {
   int factors;
 };
 
+template <int n>
+struct Width {
+  static constexpr int value = n;
+};
+
+/// Calls a function with the width 1, 2, 3 or 4 as a constant.
+[[gnu::always_inline]] inline void with_width(int n, auto function) {
+  if (n == 1) return function(Width<1>{});
+  if (n == 2) return function(Width<2>{});
+  if (n == 3) return function(Width<3>{});
+  return function(Width<4>{});
+}
+
 /// Finish a tile after the updates by all earlier ones.
 template <bool symmetric, int pivots, class Real>
 [[gnu::always_inline]] inline void finish_tile(const Step& step, Real* factors) {
@@ -102,19 +115,7 @@ template <int pivots, int columns, class Real>
 template <int pivots, class Real>
 [[gnu::always_inline]] inline const int* sweep_all(const Sweep* next, const Sweep* end, const int* target, Real* factors) {
   for (; next != end; ++next) {
-    switch (next->columns) {
-      case 1:
-        sweep<pivots, 1>(*next, target, factors);
-        break;
-      case 2:
-        sweep<pivots, 2>(*next, target, factors);
-        break;
-      case 3:
-        sweep<pivots, 3>(*next, target, factors);
-        break;
-      default:
-        sweep<pivots, 4>(*next, target, factors);
-    }
+    with_width(next->columns, [&](auto columns) { sweep<pivots, columns.value>(*next, target, factors); });
     target += next->blocks;
   }
   return target;
@@ -135,39 +136,8 @@ void eliminate(const Tables& tables, const Real* values, Real* factors) {
   const Sweep* next = tables.sweeps.first;
   const int* target = tables.targets.first;
   for (const Step& step : tables.steps) {
-    switch (step.pivots) {
-      case 1:
-        target = eliminate_tile<symmetric, 1>(step, next, target, factors);
-        break;
-      case 2:
-        target = eliminate_tile<symmetric, 2>(step, next, target, factors);
-        break;
-      case 3:
-        target = eliminate_tile<symmetric, 3>(step, next, target, factors);
-        break;
-      default:
-        target = eliminate_tile<symmetric, 4>(step, next, target, factors);
-    }
+    with_width(step.pivots, [&](auto pivots) { target = eliminate_tile<symmetric, pivots.value>(step, next, target, factors); });
     next += step.sweeps;
-  }
-}
-
-template <int n>
-struct Width {
-  static constexpr int value = n;
-};
-
-/// Calls a function with the width 1, 2, 3 or 4 as a constant.
-[[gnu::always_inline]] inline void with_width(int n, auto function) {
-  switch (n) {
-    case 1:
-      return function(Width<1>{});
-    case 2:
-      return function(Width<2>{});
-    case 3:
-      return function(Width<3>{});
-    default:
-      return function(Width<4>{});
   }
 }
 
