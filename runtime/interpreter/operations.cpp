@@ -28,32 +28,22 @@ T load(const double* x) {
   return value;
 }
 
-/// A function of all lanes at once.
-template <auto function, int N, int... i>
-void compute(const Instruction& n, double* memory, std::integer_sequence<int, i...>) {
-  const auto value = function(load<typename Values<N>::type>(memory + n.from[i])...);
-  std::memcpy(memory + n.to, &value, sizeof value);
-}
-
-/// A function of the C library, lane by lane.
-template <auto function, int N, int... i>
-void call(const Instruction& n, double* memory, std::integer_sequence<int, i...>) {
-  for (int k = 0; k < N; ++k) memory[n.to + k] = function(memory[n.from[i] + k]...);
-}
-
-template <auto function, int arguments>
+/// A function of all lanes at once, of the arguments i.
+template <auto function, int... i>
 struct AllLanes {
   template <int N>
   static void perform(const Instruction& n, double* memory, const Road<double>*) {
-    compute<function, N>(n, memory, std::make_integer_sequence<int, arguments>());
+    const auto value = function(load<typename Values<N>::type>(memory + n.from[i])...);
+    std::memcpy(memory + n.to, &value, sizeof value);
   }
 };
 
-template <auto function, int arguments>
+/// A function of the C library, lane by lane.
+template <auto function, int... i>
 struct LaneByLane {
   template <int N>
   static void perform(const Instruction& n, double* memory, const Road<double>*) {
-    call<function, N>(n, memory, std::make_integer_sequence<int, arguments>());
+    for (int k = 0; k < N; ++k) memory[n.to + k] = function(memory[n.from[i] + k]...);
   }
 };
 
@@ -77,19 +67,12 @@ struct LaneSum {
   }
 };
 
-template <double (Road<double>::*answer)(double, double) const>
+/// What a road answers at x and y, or a derivative of it.
+template <auto answer, int... by>
 struct Lookup {
   template <int N>
   static void perform(const Instruction& n, double* memory, const Road<double>* roads) {
-    memory[n.to] = (roads[n.from[2]].*answer)(memory[n.from[0]], memory[n.from[1]]);
-  }
-};
-
-template <double (Road<double>::*answer)(double, double, int, int) const, int by_x, int by_y>
-struct SurfaceLookup {
-  template <int N>
-  static void perform(const Instruction& n, double* memory, const Road<double>* roads) {
-    memory[n.to] = (roads[n.from[2]].*answer)(memory[n.from[0]], memory[n.from[1]], by_x, by_y);
+    memory[n.to] = (roads[n.from[2]].*answer)(memory[n.from[0]], memory[n.from[1]], by...);
   }
 };
 
@@ -110,17 +93,17 @@ constexpr Entry entry(std::string_view name, int arguments, bool looks_up = fals
 }
 
 template <auto f>
-constexpr Entry one(std::string_view name) { return entry<AllLanes<f, 1>>(name, 1); }
+constexpr Entry one(std::string_view name) { return entry<AllLanes<f, 0>>(name, 1); }
 template <auto f>
-constexpr Entry two(std::string_view name) { return entry<AllLanes<f, 2>>(name, 2); }
+constexpr Entry two(std::string_view name) { return entry<AllLanes<f, 0, 1>>(name, 2); }
 template <auto f>
-constexpr Entry three(std::string_view name) { return entry<AllLanes<f, 3>>(name, 3); }
+constexpr Entry three(std::string_view name) { return entry<AllLanes<f, 0, 1, 2>>(name, 3); }
 template <auto f>
-constexpr Entry four(std::string_view name) { return entry<AllLanes<f, 4>>(name, 4); }
+constexpr Entry four(std::string_view name) { return entry<AllLanes<f, 0, 1, 2, 3>>(name, 4); }
 template <auto f>
-constexpr Entry function_of_one(std::string_view name) { return entry<LaneByLane<f, 1>>(name, 1); }
+constexpr Entry function_of_one(std::string_view name) { return entry<LaneByLane<f, 0>>(name, 1); }
 template <auto f>
-constexpr Entry function_of_two(std::string_view name) { return entry<LaneByLane<f, 2>>(name, 2); }
+constexpr Entry function_of_two(std::string_view name) { return entry<LaneByLane<f, 0, 1>>(name, 2); }
 
 constexpr Entry entries[] = {
     two<[](auto a, auto b) { return a + b; }>("add"),
@@ -151,15 +134,15 @@ constexpr Entry entries[] = {
     entry<Lookup<&Road<double>::slope>>("road_slope", 3, true),
     entry<Lookup<&Road<double>::height_dx>>("road_height_dx", 3, true),
     entry<Lookup<&Road<double>::slope_dx>>("road_slope_dx", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 0>>("road_surface", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 1, 0>>("road_surface_x", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 1>>("road_surface_y", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 2, 0>>("road_surface_xx", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 1, 1>>("road_surface_xy", 3, true),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 2>>("road_surface_yy", 3, true),
-    entry<SurfaceLookup<&Road<double>::friction, 0, 0>>("road_friction", 3, true),
-    entry<SurfaceLookup<&Road<double>::friction, 1, 0>>("road_friction_x", 3, true),
-    entry<SurfaceLookup<&Road<double>::friction, 0, 1>>("road_friction_y", 3, true),
+    entry<Lookup<&Road<double>::surface, 0, 0>>("road_surface", 3, true),
+    entry<Lookup<&Road<double>::surface, 1, 0>>("road_surface_x", 3, true),
+    entry<Lookup<&Road<double>::surface, 0, 1>>("road_surface_y", 3, true),
+    entry<Lookup<&Road<double>::surface, 2, 0>>("road_surface_xx", 3, true),
+    entry<Lookup<&Road<double>::surface, 1, 1>>("road_surface_xy", 3, true),
+    entry<Lookup<&Road<double>::surface, 0, 2>>("road_surface_yy", 3, true),
+    entry<Lookup<&Road<double>::friction, 0, 0>>("road_friction", 3, true),
+    entry<Lookup<&Road<double>::friction, 1, 0>>("road_friction_x", 3, true),
+    entry<Lookup<&Road<double>::friction, 0, 1>>("road_friction_y", 3, true),
 };
 
 }  // namespace
