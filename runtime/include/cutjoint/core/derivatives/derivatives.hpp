@@ -265,8 +265,8 @@ class Derivatives {
       for (std::size_t i = 0; i < m; ++i) lambda_value_[i] += violation_[i];
       mechanism.evaluate(state_->q.data(), state_->v.data(), lambda_value_.data(), vdot_value_.data(), violation_.data());
       for (std::size_t i = 0; i < n; ++i) vdot_change_[i] -= vdot_value_[i];
-      const double before = share, size = size_of(vdot_value_);
-      share = size_of(vdot_change_);
+      const double before = share, size = largest(vdot_value_);
+      share = largest(vdot_change_);
       if (share > 0.0 && size > 0.0) share /= size;  // accelerations may be zero
       if (before > 0.0 && share < before) factor = factor < 1.0 ? std::max(factor, share / before) : share / before;
       if (share == 0.0 || share * factor <= std::numeric_limits<double>::epsilon() || !(share <= most)) break;
@@ -289,14 +289,6 @@ class Derivatives {
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {vdot_value_[i], change[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {lambda_scratch_[i], change[n + i].derivative};
     return true;
-  }
-
-  /// The largest absolute value; NaN if one is NaN.
-  static double size_of(const Fixed<double, n>& numbers) {
-    double size = 0.0;
-    for (const double x : numbers)
-      if (size == size && !(std::abs(x) <= size)) size = std::abs(x);
-    return size;
   }
 
   /// Give these derivatives to independent coordinates, and zero to dependent ones.

@@ -332,7 +332,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
       mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->violation_.data());
       for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
       for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->violation_[i];
-      const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
+      const double share = largest(values_) / (1.0 + largest(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
       if (!this->force_residual_.has_matrix_for(h) || share > before / 2) formula_.linearise_retraction();

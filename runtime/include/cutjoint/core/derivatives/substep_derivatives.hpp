@@ -160,9 +160,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   /// Times in which the state changes by as much as along each seed.
   Tangents find_probe_times() const {
     Tangents probe{};
-    double rate = 0.0;
-    for (const double x : qdot_at_event_) rate = std::max(rate, std::abs(x));
-    for (const double x : vdot_at_event_) rate = std::max(rate, std::abs(x));
+    const double rate = std::max(cutjoint::largest(qdot_at_event_), cutjoint::largest(vdot_at_event_));
     for (std::size_t k = 0; k < seeds_at_once; ++k) {
       double size = 0.0;
       for (const Dual& x : q_) size = std::max(size, std::abs(x.derivative[k]));
