@@ -165,12 +165,8 @@ class Scheme {
   auto& cells() { return dynamics_.cells(); }
   const auto& formula() const { return formula_; }
 
-  /// The step that was accepted last: when it began, and its length.
-  struct LastStep {
-    Real begin, length;
-  };
-
-  LastStep last_step() const { return {before_, h_last_}; }
+  /// Start and length of the last accepted step.
+  std::pair<Real, Real> last_step() const { return {before_, h_last_}; }
 
   Real begin(Real t, const Vector& y, Real left) {
     t_ = t;

@@ -31,11 +31,7 @@ class ImplicitScheme {
   const Stages& stages() const { return stages_; }
 
   /// Start and length of the last accepted step.
-  struct LastStep {
-    Real begin, length;
-  };
-
-  LastStep last_step() const { return {before_.t, h_last_}; }
+  std::pair<Real, Real> last_step() const { return {before_.t, h_last_}; }
 
   /// First step: accelerations change no velocity by more than the square root of the tolerance.
   Real begin(Real, const Vector&, Real left) const {

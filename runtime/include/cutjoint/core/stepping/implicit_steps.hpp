@@ -78,11 +78,6 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
  private:
   friend stepping::SteppedIntegrator<RadauSteps, S>;
 
-  void keep(StateOf<S>& state) const {
-    state.vdot = stages_.present().vdot;
-    state.lambda = stages_.present().lambda;
-  }
-
   Solver solver_, other_;
   radau::Stages<S, Solver> stages_;
   Stepper stepper_;

@@ -7,7 +7,7 @@
 namespace cutjoint::stepping {
 
 /// Steps of an integrator (simulation.hpp) over coordinates and velocities of S.  `Own` has the `stepper_` of stepper.hpp, memory `y_` for its values, `begin`, and
-/// `keep`, which puts accelerations or multipliers of the steps into a state.
+/// `stages_`, or a `keep` of its own.
 template <class Own, class S>
 class SteppedIntegrator {
  public:
@@ -46,6 +46,13 @@ class SteppedIntegrator {
   /// The indicator of the last event.
   std::size_t last_event() const { return own().stepper_.last_event(); }
   long events() const { return own().stepper_.counts().events; }
+
+ protected:
+  /// Put accelerations and multipliers of the steps into a state.
+  void keep(StateOf<S>& state) const {
+    state.vdot = own().stages_.present().vdot;
+    state.lambda = own().stages_.present().lambda;
+  }
 
  private:
   Own& own() { return static_cast<Own&>(*this); }

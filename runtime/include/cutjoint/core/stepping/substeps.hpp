@@ -34,7 +34,7 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
   void restart_after_input_jump(StateOf<Subject>& state) {
     stages_.adopt();
     stages_.restart();
-    keep(state);
+    this->keep(state);
   }
 
   const StateOf<Subject>& complete(const StateOf<Subject>& state) const { return state; }
@@ -53,11 +53,6 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
 
  private:
   friend stepping::SteppedIntegrator<SplitSteps, Subject>;
-
-  void keep(StateOf<Subject>& state) const {
-    state.vdot = stages_.present().vdot;
-    state.lambda = stages_.present().lambda;
-  }
 
   Rule rule_;
   stepping::EqualSteps<Rule> stages_;
