@@ -54,14 +54,7 @@ class Domains {
 
  private:
   void go(Real s) {
-    if (s > Real(0)) {
-      for (std::size_t i = 0; i < delta_.size(); ++i) {
-        delta_[i] = s * from_.v[i] + s * s / 2 * from_.vdot[i];
-        at_.v[i] = from_.v[i] + s * from_.vdot[i];
-      }
-      displace(subject_.description().charts, from_.q, delta_.data(), at_.q);
-    }
-    at_.t = from_.t + s;
+    if (s > Real(0)) taylor_step(subject_.description().charts, from_, s, delta_, at_);
     subject_.begin_step(at_.t, Real(1));
   }
 

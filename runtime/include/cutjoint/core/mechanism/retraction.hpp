@@ -89,6 +89,17 @@ template <class Numbers>
   else retract(charts, from.data(), delta, to.data());
 }
 
+/// A Taylor step of second order by a time h from a state with accelerations, for coordinates, velocities and time of `to`, which may be that state.
+template <class State, class Numbers>
+[[gnu::always_inline]] inline void taylor_step(std::span<const Chart> charts, const State& from, typename Numbers::value_type h, Numbers& shift, State& to) {
+  for (std::size_t i = 0; i < shift.size(); ++i) {
+    shift[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
+    to.v[i] = from.v[i] + h * from.vdot[i];
+  }
+  displace(charts, from.q, shift.data(), to.q);
+  to.t = from.t + h;
+}
+
 /// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's
 /// share of delta, by rows.
 template <class Real>

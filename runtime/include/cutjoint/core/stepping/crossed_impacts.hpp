@@ -21,7 +21,7 @@ class CrossedImpacts {
   using Real = typename S::real_type;
 
   CrossedImpacts(S& subject, double end)
-      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), shift_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
+      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), shift_(sizes_of(subject).speeds),
         from_(indicators()), now_(from_) {}
 
   /// Apply the jumps within a step of h; `accelerate` finds accelerations and multipliers, `watch` is as for Impacts. Returns whether there were any.
@@ -33,14 +33,14 @@ class CrossedImpacts {
     const Real after = abs(searched_ - begin) <= impacts_.width(end) ? searched_ : begin;  // rounding leaves nothing out between steps, nor has it twice
     searched_ = end;
     for (Jump jump = find(state, after, end); jump.is_found; jump = find(state, jump.after, end)) {
-      move(state, jump.before - begin);
+      taylor_step(charts_of(subject_), state, jump.before - begin, shift_, state);
       state.t = jump.before;
       accelerate(state);
       watch.reach(state);
       const Real work = impacts_.strike(state, jump.after);
       accelerate(state);
       watch.leave(state, work, jump.which);
-      move(state, begin - jump.before);
+      taylor_step(charts_of(subject_), state, begin - jump.before, shift_, state);
       state.t = begin;
       met = true;
     }
@@ -74,16 +74,6 @@ class CrossedImpacts {
   std::size_t indicators() const {
     if constexpr (Sized<S>) return S::sizes.indicators;
     else return subject_.description().indicators.size();
-  }
-
-  /// A Taylor step of second order by a time h.
-  void move(StateOf<S>& state, Real h) {
-    for (std::size_t i = 0; i < shift_.size(); ++i) {
-      shift_[i] = h * state.v[i] + h * h / 2 * state.vdot[i];
-      state.v[i] += h * state.vdot[i];
-    }
-    pose_ = state.q;
-    displace(charts_of(subject_), pose_, shift_.data(), state.q);
   }
 
   /// The first jump at which an indicator changes sign while the state does not change.
@@ -125,7 +115,6 @@ class CrossedImpacts {
   Impacts<S> impacts_;
   StateOf<S> before_;
   Speeds<S> shift_;
-  Coordinates<S> pose_;
   Indicators from_, now_;
   Real searched_{-std::numeric_limits<Real>::infinity()};
 };

@@ -136,7 +136,7 @@ class EqualSteps {
   /// Step to the end; if that is not found, along the last accelerations.
   bool move(Real h, long number) {
     if (h < Real(Rule::least) * dt_) {
-      extrapolate(h);
+      taylor_step(charts(), start_, h, shift_, at_);
       fault_ = rule_.project(at_);
       if (!fault_) fault_ = rule_.restart(at_);
     } else {
@@ -144,17 +144,8 @@ class EqualSteps {
     }
     if (!fault_) return true;
     at_ = start_;
-    extrapolate(h);
+    taylor_step(charts(), start_, h, shift_, at_);
     return false;
-  }
-
-  void extrapolate(Real h) {
-    for (std::size_t i = 0; i < shift_.size(); ++i) {
-      shift_[i] = h * start_.v[i] + h * h / 2 * start_.vdot[i];
-      at_.v[i] = start_.v[i] + h * start_.vdot[i];
-    }
-    retract<Real>(charts(), start_.q.data(), shift_.data(), at_.q.data());
-    at_.t = start_.t + h;
   }
 
   void keep() {

@@ -185,12 +185,7 @@ class NewtonSteps {
   /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would keep no digits.
   Fault pass(StateOf<S>& state, Real h) {
     const StateOf<S> from = state;
-    for (std::size_t i = 0; i < shift_.size(); ++i) {
-      shift_[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
-      state.v[i] = from.v[i] + h * from.vdot[i];
-    }
-    displace(charts_of(system_), from.q, shift_.data(), state.q);
-    state.t = from.t + h;
+    taylor_step(charts_of(system_), from, h, shift_, state);
     Fault fault = newton_.close_loops(state);
     if (!fault) fault = newton_.go_on(state);
     if (!fault) return {};
