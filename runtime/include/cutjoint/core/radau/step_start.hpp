@@ -126,21 +126,18 @@ class StepStart : public Workspace<S, Solver> {
 
   /// Enter the mode of the present state.
   void adopt() {
-    if (cells_.empty()) return;
     evaluate_at(start_);
     cells_.adopt();
   }
 
   /// Collect the indicators by which a state has left the mode; return whether there are any.
   bool seek(const StateOf<S>& state) {
-    if (cells_.empty()) return false;
     evaluate_at(state);
     return cells_.seek();
   }
 
   /// The first of them; the number of indicators if there is none.
   std::size_t found(const StateOf<S>& state) {
-    if (cells_.empty()) return 0;
     evaluate_at(state);
     return cells_.found();
   }
@@ -241,6 +238,7 @@ class StepStart : public Workspace<S, Solver> {
   }
 
   void evaluate_at(const StateOf<S>& state) {
+    if (cells_.empty()) return;
     system_.begin_step(state.t, Real(1));
     look_at(state);
   }

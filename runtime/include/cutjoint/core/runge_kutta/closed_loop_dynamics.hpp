@@ -252,14 +252,12 @@ class ClosedLoopDynamics : public Solved<M> {
 
   /// Collect the indicators by which a state has left the mode; return whether there are any.
   bool seek(Real t, const Vector& y) {
-    if (cells_.empty()) return false;
     evaluate_at(t, y);
     return cells_.seek();
   }
 
   /// The first of them; the number of indicators if there is none.
   std::size_t found(Real t, const Vector& y) {
-    if (cells_.empty()) return 0;
     evaluate_at(t, y);
     return cells_.found();
   }
@@ -277,7 +275,6 @@ class ClosedLoopDynamics : public Solved<M> {
   /// Enter the mode of a state.
   void adopt(Real t, const Vector& y) {
     history_.known = 0;
-    if (cells_.empty()) return;
     evaluate_at(t, y);
     cells_.adopt();
   }
@@ -336,6 +333,7 @@ class ClosedLoopDynamics : public Solved<M> {
   }
 
   void evaluate_at(Real t, const Vector& y) {
+    if (cells_.empty()) return;
     this->begin_at(t, y);
     evaluate_indicators();
   }
