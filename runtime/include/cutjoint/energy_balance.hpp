@@ -237,10 +237,7 @@ class EnergyBalance {
 
   [[noreturn]] void give_up(const State<Real>& end) const {
     const std::size_t i = index_of_fastest(end);
-    const auto name = [&] {
-      if constexpr (requires { subject_.description().unknowns(); }) return subject_.description().unknowns()[i];
-      else return subject_.description().speeds[i];
-    }();
+    const char* const name = speeds_of(subject_.description())[i];
     char since[32];
     std::snprintf(since, sizeof since, "%.6g", doubtful_since().value_or(0.0));
     throw Failure("the motion runs away: since t = " + std::string(since) + " s its energy comes from no force, guide or drive",

@@ -273,7 +273,7 @@ class MinimalCoordinates {
       const Real violation = largest(phi_);
       find_jacobian(starter, state, choice_.reference, matrix_);
       if (violation <= Real(1e-14) * arm() || (violation <= Real(1e-9) * arm() && !(violation < before / 2))) return {};
-      if (iteration == 50 || !(violation < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
+      if (iteration == 50 || !(violation < std::numeric_limits<Real>::infinity())) return open_loops(Cause::no_assembly, state, phi_);
       before = violation;
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - dofs) return singular(state);
@@ -300,7 +300,7 @@ class MinimalCoordinates {
         if (!choice_.independent[i]) rate_[i] -= step_[i];
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
-      if (!(largest(phid_) <= Real(1e-9) * (sqrt(arm()) + violation))) return open(Cause::speeds_not_found, state, phid_);
+      if (!(largest(phid_) <= Real(1e-9) * (sqrt(arm()) + violation))) return open_loops(Cause::speeds_not_found, state, phid_);
     } else {
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
     }
@@ -308,11 +308,6 @@ class MinimalCoordinates {
   }
 
   static Fault singular(const StateOf<M>& state) { return {.cause = Cause::pose_singular, .t = static_cast<double>(state.t)}; }
-
-  static Fault open(Cause cause, const StateOf<M>& state, const Equations<M>& violation) {
-    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(index_of_largest(violation, m)), .t = static_cast<double>(state.t),
-            .value = static_cast<double>(largest(violation))};
-  }
 
   Choice choice_;
   Array<M, n * m> matrix_, all_;

@@ -41,6 +41,12 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   }
 }
 
+/// The fault of loops that stay open in a state, at the equation with the largest violation.
+Fault open_loops(Cause cause, const auto& state, const auto& violation) {
+  return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(index_of_largest(violation, violation.size())),
+          .t = static_cast<double>(state.t), .value = static_cast<double>(largest(violation))};
+}
+
 /// Finds starts of a mechanism. A `prescribed` velocity (given by the user) does not change, nor does its coordinate. The constructor
 /// allocates all memory, except neighbouring states of mechanisms that evaluate several at once (`states_at_once`).
 /// Displacements and accelerations in private members are relative to the nominal values of rates (m, m/s2), violations and lengths to the arm.
@@ -66,7 +72,7 @@ class Starter {
       move(state, step_.data(), -part_of_step(0.5));
       find_residual(state);
     }
-    if (!(largest(phi_) <= Real(1e-9) * arm())) return open_loop(Cause::no_assembly, state, phi_);
+    if (!(largest(phi_) <= Real(1e-9) * arm())) return open_loops(Cause::no_assembly, state, phi_);
     return {};
   }
 
@@ -97,7 +103,7 @@ class Starter {
     least_norm(m_, phid_.data());
     for (std::size_t i = 0; i < n_; ++i) state.v[i] -= nominal(i) * step_[i];
     find_residual(state);
-    if (!(largest(phid_) <= Real(1e-9) * (Real(std::sqrt(arm_of(mechanism_))) + violation))) return open_loop(Cause::speeds_inconsistent, state, phid_);
+    if (!(largest(phid_) <= Real(1e-9) * (Real(std::sqrt(arm_of(mechanism_))) + violation))) return open_loops(Cause::speeds_inconsistent, state, phid_);
     return {};
   }
 
@@ -482,12 +488,6 @@ class Starter {
     const Real unit = open ? Real(1) : nominal(worst);
     return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : worst < sizes_.joint_speeds() ? FaultList::speeds : FaultList::states,
             .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(unit * size_of(a, length))};
-  }
-
-  Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& violation) const {
-    const std::size_t worst = index_of_largest(violation, m_);
-    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
-            .value = static_cast<double>(largest(violation))};
   }
 
   M& mechanism_;
