@@ -168,24 +168,19 @@ class CheckedSimulation {
   }
 
   static int set_parameter(CheckedSimulation* s, int index, double value) {
-    if (!holds_one(s)) return no_simulation;
-    if (index < 0 || index >= Model::parameters) return no_such_index;
-    if (!is_finite(value)) return not_finite;
+    if (const int status = ask_index(s, index, Model::parameters, value)) return status;
     s->sim.parameters()[static_cast<std::size_t>(index)] = value;
     return call_ok;
   }
 
   static int set_input(CheckedSimulation* s, int index, double value, double rate, double acceleration) {
-    if (!holds_one(s)) return no_simulation;
-    if (index < 0 || index >= Model::inputs) return no_such_index;
-    if (!is_finite(value) || !is_finite(rate) || !is_finite(acceleration)) return not_finite;
+    if (const int status = ask_index(s, index, Model::inputs, value, rate, acceleration)) return status;
     s->sim.inputs().put(static_cast<std::size_t>(index), s->sim.state().t, value, rate, acceleration);
     return call_ok;
   }
 
   static int release_input(CheckedSimulation* s, int index) {
-    if (!holds_one(s)) return no_simulation;
-    if (index < 0 || index >= Model::inputs) return no_such_index;
+    if (const int status = ask_index(s, index, Model::inputs)) return status;
     s->sim.inputs().values[static_cast<std::size_t>(index)] = std::numeric_limits<double>::quiet_NaN();
     return call_ok;
   }
@@ -198,18 +193,14 @@ class CheckedSimulation {
   static double* inputs(CheckedSimulation* s) { return holds_one(s) ? s->sim.inputs().values.data() : nullptr; }
 
   static int set_start_coordinate(CheckedSimulation* s, int index, double value) {
-    if (!holds_one(s)) return no_simulation;
-    if (index < 0 || index >= Model::start_coordinates) return no_such_index;
-    if (!is_finite(value)) return not_finite;
+    if (const int status = ask_index(s, index, Model::start_coordinates, value)) return status;
     s->sim.start_state().q[static_cast<std::size_t>(index)] = value;
     if (unsigned char& given = s->sim.given_coordinates()[static_cast<std::size_t>(index)]; given == not_given) given = given_as_fixed;
     return call_ok;
   }
 
   static int set_start_speed(CheckedSimulation* s, int index, double value) {
-    if (!holds_one(s)) return no_simulation;
-    if (index < 0 || index >= Model::start_speeds) return no_such_index;
-    if (!is_finite(value)) return not_finite;
+    if (const int status = ask_index(s, index, Model::start_speeds, value)) return status;
     s->sim.start_state().v[static_cast<std::size_t>(index)] = value;
     s->sim.given_speeds()[static_cast<std::size_t>(index)] = 1;
     return call_ok;
@@ -299,8 +290,7 @@ class CheckedSimulation {
   }
 
   static int set_limit(CheckedSimulation* s, int which, double limit) {
-    if (!holds_one(s)) return no_simulation;
-    if (which < 0 || which >= Limits::number) return no_such_index;
+    if (const int status = ask_index(s, which, Limits::number)) return status;
     if (!(limit >= 0.0)) return not_finite;
     s->sim.limits().set(which, limit);
     return call_ok;
@@ -372,6 +362,13 @@ class CheckedSimulation {
 
  protected:
   static int ask_started(const CheckedSimulation* s) { return !holds_one(s) ? no_simulation : s->sim.is_started() ? call_ok : not_started; }
+
+  /// The status of a call with an index below a number, and values that must be finite.
+  static int ask_index(const CheckedSimulation* s, int index, int number, auto... values) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= number) return no_such_index;
+    return (is_finite(values) && ...) ? call_ok : not_finite;
+  }
 
   static int when_started(CheckedSimulation* s, auto call) {
     const int status = ask_started(s);
