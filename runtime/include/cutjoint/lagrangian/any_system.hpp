@@ -19,15 +19,9 @@ namespace cutjoint {
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
 /// - `solve` replaces the right-hand side x by the solution.
 template <class Real>
-class AnySystem {
+class AnySystem : public AnySubject<Real, SystemDescription> {
  public:
-  using real_type = Real;
-
-  virtual ~AnySystem() = default;
-  virtual const SystemDescription& description() const = 0;
   virtual void load(const Real* parameters, const Road<Real>* roads) = 0;
-  virtual void begin_step(Real t, Real motion) = 0;
-  virtual void drive_by(const InputSource<Real>&) {}  ///< only models with inputs have it
   virtual void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) const = 0;
   virtual void dynamic_residual(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* force_residual,
                        Real* residual) const = 0;
@@ -36,12 +30,7 @@ class AnySystem {
   virtual void constraint_residual(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) const = 0;
   virtual void apply_jacobian_transposed(const Real* q, const Real* w, Real* force) const = 0;
   virtual void apply_jacobian(const Real* q, const Real* x, Real* change) const = 0;
-  virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_no_energy(); }  ///< of q, v, vdot, lambda
-  virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; only models with controllers have it
-  virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
-  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with indicators have it
-  virtual void domains(const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, lambda; only models with domains have it
   virtual int factor(const Real* tangent, Real* factors) const = 0;
   virtual void solve(const Real* factors, Real* x) const = 0;
 };
