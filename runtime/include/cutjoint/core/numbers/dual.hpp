@@ -6,19 +6,12 @@
 #include <utility>
 
 #include "cutjoint/core/numbers/functions.hpp"
+#include "cutjoint/core/numbers/intrinsics.hpp"
 
 namespace cutjoint {
 
-/// Doubles per SIMD register.
-#if defined(__AVX512F__)
-inline constexpr std::size_t register_length = 8;
-#elif defined(__AVX__)
-inline constexpr std::size_t register_length = 4;
-#else
-inline constexpr std::size_t register_length = 2;
-#endif
-
-/// A register of doubles with the alignment of doubles.
+/// A register of doubles with the alignment of doubles, and its length.
+inline constexpr std::size_t register_length = doubles_of_register;
 typedef double Part __attribute__((vector_size(register_length * sizeof(double)), aligned(alignof(double))));
 
 template <std::size_t count, class Parts = std::make_index_sequence<count / register_length>>

@@ -22,3 +22,16 @@ typedef double cutjoint_register8 __attribute__((vector_size(64)));
 #endif
 #endif
 #endif
+
+namespace cutjoint {
+
+/// Doubles per vector register, the number of instances in lanes.  Compilers spill wider vectors to memory.
+#if defined(__AVX512F__)
+inline constexpr int doubles_of_register = 8;
+#elif defined(__AVX__)
+inline constexpr int doubles_of_register = 4;
+#else
+inline constexpr int doubles_of_register = 2;
+#endif
+
+}  // namespace cutjoint

@@ -50,15 +50,6 @@ struct Register<float, N> {
   typedef float type __attribute__((vector_size(N * sizeof(float))));
 };
 
-/// Doubles per vector register, the number of instances in lanes.  Compilers spill wider vectors to memory.
-#if defined(__AVX512F__)
-inline constexpr int doubles_of_register = 8;
-#elif defined(__AVX__)
-inline constexpr int doubles_of_register = 4;
-#else
-inline constexpr int doubles_of_register = 2;
-#endif
-
 /// N reals with lane-wise arithmetic; a plain real counts for all lanes.
 template <class Real, int N>
 struct Lanes {
