@@ -40,9 +40,8 @@ class Relative {
   /// Normalise quaternions.
   void project(Real, Vector& y) const { normalise<Real>(charts_of(mechanism_), y.data()); }
 
-  /// Multipliers of the last evaluation; the next one starts from them.
+  /// Multipliers of the last evaluation.
   const Equations<M>& multipliers() const { return state_.lambda; }
-  void guess(const Equations<M>& lambda) { state_.lambda = lambda; }
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& solve(Real t, const Vector& y) {

@@ -112,8 +112,7 @@ class LaneSteps {
   /// The fault of a lane.
   const Fault& fault(int k) const { return at(faults_, k); }
 
-  /// Its state and its time, s.
-  const StateOf<M>& states() const { return state_; }
+  /// Its time, s.
   double time(int k) const { return state_.t[k]; }
 
   /// Its evaluations since the beginning, until its iterations had converged.
@@ -153,9 +152,6 @@ class LaneSteps {
                      .step = static_cast<long>(number[k]), .value = -margins_[i][k]});
     }
   }
-
-  /// The smallest margin of each guard at the end of the last step.
-  const auto& margins() const { return margins_; }
 
   /// Find the columns of all at the present states; of those that stopped in the last step, at their last ones.
   const auto& report() {
