@@ -284,15 +284,13 @@ class MinimalCoordinates {
     }
   }
 
-  /// Velocities from the rates of independent coordinates; the matrix is that of the pose.
+  /// Velocities from the rates of independent coordinates, zero for dependent ones at first; the matrix is that of the pose.
   Fault close_speeds(M& mechanism, StateOf<M>& state) {
     using std::sqrt;
+    chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
     if constexpr (m > 0) {
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - dofs) return singular(state);
-      for (std::size_t i = 0; i < n; ++i)
-        if (!choice_.independent[i]) rate_[i] = Real(0);
-      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
       const Real violation = largest(phid_);
       solve(squares, phid_);
@@ -301,8 +299,6 @@ class MinimalCoordinates {
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
       if (!(largest(phid_) <= Real(1e-9) * (sqrt(arm()) + violation))) return open_loops(Cause::speeds_not_found, state, phid_);
-    } else {
-      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
     }
     return {};
   }
