@@ -65,16 +65,15 @@ class Table {
 
   static bool is_requested(const Json& file, const std::string& key) { return file.contains(key) || file.contains(key + "_rows"); }
 
-  void header(const List<Named>& columns) {
-    line_ = "t";
-    for (const Named& column : columns) line_.append(",").append(column.name);
-    finish_header();
-  }
-
+  /// Write the names of columns, which may have units too.
   void header(const auto& columns) {
     line_ = "t";
-    for (const std::string_view column : columns) line_.append(",").append(column);
-    finish_header();
+    for (const auto& column : columns) {
+      if constexpr (requires { column.name; }) line_.append(",").append(column.name);
+      else line_.append(",").append(column);
+    }
+    line_ += '\n';
+    if (text_) write(line_);
   }
 
   template <class Time, class Real>
@@ -120,11 +119,6 @@ class Table {
     }
     end[-1] = '\n';
     write({line_.data(), static_cast<std::size_t>(end - line_.data())});
-  }
-
-  void finish_header() {
-    line_ += '\n';
-    if (text_) write(line_);
   }
 
   void write(std::string_view text) {
