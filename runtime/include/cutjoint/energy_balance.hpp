@@ -195,11 +195,8 @@ class EnergyBalance {
 
   /// The displacement from the last state to another in the chart of the former, and its rate there.
   void join(const State<Real>& end) {
-    if (charts_.empty()) {
-      for (std::size_t i = 0; i < joints_; ++i) shift_[i] = end.q[i] - last_.q[i];
-      rate_ = end.v;
-      return;
-    }
+    rate_ = end.v;
+    for (std::size_t i = 0; charts_.empty() && i < joints_; ++i) shift_[i] = end.q[i] - last_.q[i];
     displacement<Real>(charts_, last_.q.data(), end.q.data(), shift_.data());
     chart_rates<Real>(charts_, shift_.data(), end.v.data(), rate_.data());
   }
@@ -213,11 +210,7 @@ class EnergyBalance {
     }
     for (std::size_t i = joints_; i < state.v.size(); ++i)
       state.v[i] = last_.v[i] + s * s * (1 + 2 * left) * (end.v[i] - last_.v[i]) + h * s * left * (left * last_.vdot[i] - s * end.vdot[i]);
-    if (charts_.empty()) {
-      for (std::size_t i = 0; i < joints_; ++i) state.q[i] = last_.q[i] + delta_[i];
-      return;
-    }
-    retract<Real>(charts_, last_.q.data(), delta_.data(), state.q.data());
+    displace(charts_, last_.q, delta_.data(), state.q);
     speeds_ = state.v;
     chart_speeds<Real>(charts_, delta_.data(), speeds_.data(), state.v.data());
   }
