@@ -232,9 +232,7 @@ class MinimalCoordinates {
   }
 
   dense::LeastSquares<Real> decomposed(std::size_t width = joints) {
-    dense::LeastSquares<Real> squares({matrix_.data(), m, width}, order_.data(), left_.data(), beside_.data());
-    squares.decompose(Real(1e-7));
-    return squares;
+    return {{matrix_.data(), m, width}, order_.data(), left_.data(), beside_.data(), Real(1e-7)};
   }
 
   /// The solution of J x = b for dependent coordinates, with independent ones 0.
