@@ -48,14 +48,12 @@ struct StepStatistics {
 };
 
 /// The numbers that have limits: those of `StepStatistics`, in that order.
-enum class Limit : int { violation = 0, violation_rate = 1, change = 2, pivot = 3, iterations = 4, evaluations = 5 };
-
 inline constexpr const char* limit_names[] = {"violation", "violation_rate", "change", "pivot", "iterations", "evaluations"};
 
 /// Limits that a host sets: of pivots the least, of all others the most.
 class Limits {
  public:
-  static constexpr int number = 6;
+  static constexpr int number = std::size(limit_names);
 
   Limits() {
     values_.fill(std::numeric_limits<double>::infinity());
@@ -84,7 +82,7 @@ class Limits {
   }
 
  private:
-  static constexpr std::size_t pivot_ = static_cast<std::size_t>(Limit::pivot);
+  static constexpr std::size_t pivot_ = 3;  ///< the place of its name
 
   std::array<double, number> values_;
   bool any_ = false;
