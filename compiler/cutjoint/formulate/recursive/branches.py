@@ -241,7 +241,7 @@ class BranchSystem:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
             if self.hub is not None:
                 right = b.sub(right, b.mul(self._W, self.hub.solution))
-            self.solution = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
+            self.solution: Block = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
             for rotor in self.k.rotors.values():
                 if (body := rotor.carrier) in self.branch.bodies and body not in Zdd:
                     parts = dict(self._parts(self.solution))
