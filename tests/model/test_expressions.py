@@ -109,6 +109,7 @@ def test_dimensions_follow_products() -> None:
     assert refusal("where(length < speed, 1, 2)")[0] == "m and m/s cannot be added or compared"
 
 
+UNITS = "numbers in an expression have no units, write SI numbers: 20*pi/180; a unit has no parentheses, as in 5 N*s/m"
 LISTED = "use numbers, names, + - * / **, comparisons inside where, and the listed functions"
 
 
@@ -133,7 +134,15 @@ LISTED = "use numbers, names, + - * / **, comparisons inside where, and the list
         ("sqrt(-1)", "'sqrt' of -1 has no finite real value", ""),
         ("x // 2", "an operator is not allowed in an expression", "use + - * / **"),
         ("x y", "'x y' is not an expression", "write for example '2*pi*radius'"),
-        ("20 deg*sin(x)", "'20 deg*sin(x)' is not an expression", "numbers in an expression have no units, write SI numbers: 20*pi/180"),
+        ("20 deg*sin(x)", "'20 deg*sin(x)' is not an expression", UNITS),
+        ("5 N/(m/s)", "'5 N/(m/s)' is not an expression", UNITS),
+        ("3 kg*m2", "'3 kg*m2' is not an expression", UNITS),
+        ("1/2 inch", "'1/2 inch' is not an expression", UNITS),
+        ("sqrt(2) m", "'sqrt(2) m' is not an expression", UNITS),
+        ("30\u00b0", "the expression has a character that does not belong there", "units have plain letters: deg, um, m/s^2, N*m"),
+        ("9.81 m/s\u00b2", "the expression has a character that does not belong there", "units have plain letters: deg, um, m/s^2, N*m"),
+        ("0,5", "'0,5' has a decimal comma", "write a decimal point"),
+        ("0,5 m", "'0,5 m' has a decimal comma", "write a decimal point"),
         ("3 foo", "unknown unit 'foo'", "write for example '30 deg' or '5 N*s/m'"),
         ("1e999", "a number is not finite", ""),
         ("1_0*x", "'1_0' is not a number here", "write it in decimal digits, without underscores"),

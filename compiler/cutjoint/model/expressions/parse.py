@@ -27,7 +27,8 @@ READERS = "laws of forces, signals, rates of states and controllers may have it"
 MAX_LENGTH = 2000  #: characters of a text
 MAX_DEPTH = 60  #: nested operations
 _BARE = Term(sympy.Integer(0))
-_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")  #: a number with a unit behind it
+_MEASURE = re.compile(r"(?<![\w.])[0-9.]+\s*[A-Za-z]|\)\s*[A-Za-z]+$")  #: a number with a unit behind it
+_COMMA = re.compile(r"\s*[-+]?[0-9]+,[0-9]+\s*(?![^A-Za-z])")  #: a number in the decimals of some countries
 _CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
 
 
@@ -167,7 +168,9 @@ def _one_line(text: str) -> str:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
     if not text.isascii() or not text.replace("\n", " ").isprintable() or "#" in text:
-        raise ExpressionError("the expression has a character that does not belong there")
+        raise ExpressionError("the expression has a character that does not belong there", "units have plain letters: deg, um, m/s^2, N*m")
+    if _COMMA.match(text):
+        raise ExpressionError(f"'{_short(text)}' has a decimal comma", "write a decimal point")
     return text.replace("\n", " ").strip()
 
 
@@ -178,7 +181,7 @@ def _syntax_tree(text: str) -> ast.expr:
             return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         if _MEASURE.search(text):
-            hint = "numbers in an expression have no units, write SI numbers: 20*pi/180"
+            hint = "numbers in an expression have no units, write SI numbers: 20*pi/180; a unit has no parentheses, as in 5 N*s/m"
         elif text.count("(") > text.count(")"):
             hint = "a parenthesis stays open; put an expression with commas in quotes, since a comma ends it within braces"
         else:
