@@ -105,6 +105,11 @@ def test_a_part_of_the_wrong_shape_is_one_fault() -> None:
     assert tried > 10
 
 
+def test_a_body_that_has_a_fault_is_offered_once() -> None:
+    text = PENDULUM.replace("mass: arm_mass", "mass: []", 1).replace("bodies: [ground, arm]", "bodies: [ground, leg]", 1)
+    assert any("unknown body 'leg'; bodies here: arm, ground" in str(each) for each in _problems(text))
+
+
 def _problems(text: str) -> tuple[Problem, ...]:
     try:
         read_model_text(text, "m.json")

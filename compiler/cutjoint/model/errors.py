@@ -89,7 +89,7 @@ def worded(field: str, message: str) -> str:
 
 def nearest(word: str, options: Iterable[str], what: str = "choose from") -> str:
     """A hint: the option nearest to ``word``, or the list of options."""
-    known = sorted(options)
+    known = sorted({*options})
     matches = difflib.get_close_matches(word[:100], known[:MAX_COMPARED], n=1)
     if matches:
         return f"did you mean '{matches[0]}'?"
