@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.fits.reading import read_fit
 from cutjoint.model.read import read_model
 from tests.conftest import MODELS
 from tests.fits.studies import ARM, press_study, write
@@ -93,6 +94,14 @@ def _arm_study(tmp_path: Path, data: str, **signal: Any) -> dict[str, Any]:
             "signals": {"pin.angle": {"column": "encoder", "unit": "deg", "delay": "lag", "bias": "zero", "gain": "scale", **signal}},
         }},
     }  # fmt: skip
+
+
+def test_numbers_that_no_model_has_are_in_the_units_of_their_starts(tmp_path: Path) -> None:
+    study = _arm_study(tmp_path, write(tmp_path / "d.csv", np.arange(3.0), encoder=np.zeros(3)))
+    study["parameters"]["rate"] = {"start": "3 rpm"}
+    study["experiments"]["drop"]["start"]["pin.angle_rate"] = "rate"
+    units = {p.name: p.unit for p in read_fit(study).parameters}
+    assert [units[name] for name in ("angle", "zero", "rate", "lag", "scale")] == ["rad", "rad", "rad/s", "s", ""]
 
 
 def test_a_start_of_no_coordinate_is_named_and_bounds_that_hold_are_said(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, symbols_of, variable
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, unit_written
+from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, kind_of_unit, unit_written
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -183,6 +183,8 @@ class _Reading:
         symbol = sympy.Symbol(name, real=True)
         self.terms[name] = Term(symbol, dimension)
         unit = own.unit if own is not None else "" if dimension is None else str(dimension)
+        if own is None and unit.startswith("1") and kind_of_unit(unit_written(str(part.start)))[0]:
+            unit = f"rad{unit[1:]}"
         return Parameter(name=name, symbol=symbol, unit=unit, start=start, low=low, high=high, mean=mean, deviation=deviation,
             size=size if size > 0 else 1.0, span=self.source.key_span(keys))  # fmt: skip
 
