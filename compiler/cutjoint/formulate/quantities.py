@@ -1,13 +1,13 @@
 """Laws, rates, signals and controllers that read quantities of elements, as blocks: the part that all formulations share."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions.dependencies import SignalOrder
 from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
 from cutjoint.model.expressions.quantities import readings_of
-from cutjoint.model.records import Force, Model, Output, Scalar, Scene
+from cutjoint.model.records import Force, Model, Output, Scalar, Scene, Vector
 from cutjoint.program.blocks import Block, Builder
 
 
@@ -55,8 +55,18 @@ def reported_symbol(model: Model, name: str) -> Scalar | None:
     return next((signal.symbol for signal in model.signals if signal.reported and signal.name == name), None)
 
 
-def named_quantity(translator: Translator, model: Model, output: Output) -> Block | None:
-    """The value of a state, of a signal or of a controller's discrete state; None for any other name."""
+def named_quantity(
+    b: Builder, translator: Translator, model: Model, output: Output, forces: Mapping[str, Mapping[str, Block]],
+    motion: Callable[[str, Vector, str], Block],
+) -> Block | None:  # fmt: skip
+    """The value of a quantity of a body's or marker's ``motion``, of ``forces``, of a state, a signal or a controller; None of a joint.
+    It is zero for the law of a force that the scene has switched off or that a guard stands for."""
+    places = {body.name: (body.name, body.centre_of_mass) for body in model.bodies}
+    places |= {marker.name: (marker.body, marker.point) for marker in model.markers}
+    if output.element in places:
+        return motion(*places[output.element], output.quantity)
+    if any(force.name == output.element for force in model.force_elements):
+        return forces.get(output.element, {}).get(output.quantity, b.zero(1))
     symbols = {element.name: element.symbol for group in (model.states, model.signals) for element in group}
     symbols |= {c.name: quantity_symbol(c.name, output.quantity) for c in model.controllers}
     return translator.scalar(symbols[output.element]) if output.element in symbols else None

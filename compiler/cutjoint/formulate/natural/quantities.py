@@ -23,30 +23,18 @@ class NaturalQuantities:
     forces: Mapping[str, Mapping[str, Block]]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
-        name = output.element
-        for body in self.model.bodies:
-            if body.name == name:
-                return self._motion(name, body.centre_of_mass, output.quantity)
-        for marker in self.model.markers:
-            if marker.name == name:
-                return self._motion(marker.body, marker.point, output.quantity)
-        if any(force.name == name for force in self.model.force_elements):
-            return self.forces.get(name, {}).get(output.quantity, self.motions.builder.zero(1))
-        value = named_quantity(self.motions.translator, self.model, output)
-        return self._joint(next(j for j in self.model.joints if j.name == name), output.quantity) if value is None else value
+        """The block of one output."""
+        value = named_quantity(self.motions.builder, self.motions.translator, self.model, output, self.forces, self._motion)
+        return self._joint(next(j for j in self.model.joints if j.name == output.element), output.quantity) if value is None else value
 
     def _axes(self, body: str) -> tuple[Form, Form, Form]:
         x, y, z = (self.motions.layout.direction(body, axis) for axis in GLOBAL_AXES)
         return x, y, z
 
-    def _rotation(self, body: str) -> Block:
-        return self.motions.builder.stack([[self.motions.of(axis).x for axis in self._axes(body)]])
-
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:
         b = self.motions.builder
         if quantity in ATTITUDE:
-            return attitude(b, self._rotation(body), quantity)
+            return attitude(b, b.stack([[self.motions.of(axis).x for axis in self._axes(body)]]), quantity)
         axis, kind = "xyz".index(quantity[-1]), quantity[:-1]
         if kind == "w":
             return b.element(self.motions.spin(body, self._axes(body)), axis)

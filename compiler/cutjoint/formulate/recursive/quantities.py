@@ -42,17 +42,9 @@ class Quantities:
     forces: Forces
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
-        element = output.element
-        for body in self.model.bodies:
-            if body.name == element:
-                return self._motion(element, body.centre_of_mass, output.quantity)
-        for marker in self.model.markers:
-            if marker.name == element:
-                return self._motion(marker.body, marker.point, output.quantity)
-        if any(force.name == element for force in self.model.force_elements):
-            return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
-        value = named_quantity(self.kinematics.translator, self.model, output)
+        """The block of one output."""
+        k = self.kinematics
+        value = named_quantity(k.builder, k.translator, self.model, output, self.forces.quantities, self._motion)
         return self._joint(output) if value is None else value
 
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:
