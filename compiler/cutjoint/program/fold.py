@@ -231,10 +231,7 @@ def _known_families(families: Sequence[Family], computed: Sequence[Block]) -> li
     known = set(computed)
     foreign: set[Block] = set()
     for block in reachable_blocks(b for family in families for b in family if b not in known):
-        if block not in known and (_is_input(block) or not foreign.isdisjoint(block.args)):
+        is_input = block.op == "symbol" and block.binding is BindingTime.ITERATION
+        if block not in known and (is_input or not foreign.isdisjoint(block.args)):
             foreign.add(block)
     return [family for family in families if foreign.isdisjoint(family)]
-
-
-def _is_input(block: Block) -> bool:
-    return block.op == "symbol" and block.binding is BindingTime.ITERATION

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cutjoint.elements.interaction import Point
 from cutjoint.model.errors import ModelError
 from cutjoint.model.outcome import Note, Outcome, bodies_of, transfer_elements
-from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Reaction, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Body, Force, Joint, Model, Reaction, Scalar, Scene, Vector
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
@@ -67,7 +67,9 @@ def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> O
         to, rotation, shift = frozen.carriers[body.name], *frozen.shift(body.name)
         if frozen.is_moved(body.name):
             forces = tuple(_moved_force(f, body.name, rotation, shift) for f in model.forces)
-            markers = tuple(_moved_marker(m, body.name, rotation, shift) for m in model.markers)
+            markers = tuple(
+                replace(m, point=_moved_point(m.point, rotation, shift)) if m.body == body.name else m for m in model.markers
+            )
             model, body = replace(model, forces=forces, markers=markers), _moved_body(body, rotation, shift)
         if to != GROUND:
             model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
@@ -112,10 +114,6 @@ def _moved_body(body: Body, rotation: NDArray[np.float64], shift: NDArray[np.flo
     J = R * sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * R.T
     inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
     return replace(body, centre_of_mass=_moved_point(body.centre_of_mass, rotation, shift), inertia=inertia)
-
-
-def _moved_marker(marker: Marker, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Marker:
-    return replace(marker, point=_moved_point(marker.point, rotation, shift)) if marker.body == body else marker
 
 
 def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Force:

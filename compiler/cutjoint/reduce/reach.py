@@ -4,7 +4,6 @@ Bodies act on each other through joints, gears and forces, but not through the g
 alone.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -20,16 +19,13 @@ def drop_unreached(model: Model, scene: Scene) -> Outcome:
     prescribed = reached((j.base, j.follower) for j in model.joints if (j.guide is not None or not j.element.speeds) and not j.cut)
     group = _groups(model, scene, prescribed)
     requested = {o.element for o in scene.outputs}
-    wanted = {group[b] for element in _elements(model) if element.name in requested for b in _influences(element, model) if b in group}
+    elements = (*model.bodies, *model.joints, *model.gears, *model.forces, *model.reactions, *model.markers)
+    wanted = {group[b] for element in elements if element.name in requested for b in _influences(element, model) if b in group}
     asked = {r.joint for r in model.reactions if isinstance(r, Reaction) and r.name in requested}
     if any(bodies_of(j) <= prescribed for j in model.joints if j.name in asked):  # such a joint may carry all others
         return Outcome(model=model, scene=scene)
     removed = {b for b in group if group[b] not in wanted} if wanted else set()
     return _without(model, scene, removed)
-
-
-def _elements(model: Model) -> Iterable[Any]:
-    return (*model.bodies, *model.joints, *model.gears, *model.forces, *model.reactions, *model.markers)
 
 
 def _influences(element: Any, model: Model) -> set[str]:

@@ -140,7 +140,8 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
         TopologyError, NoInertiaError, GuideError, RunError: the model is wrong, or the study asks for what its library does not have.
         ToolchainError: the C++ side failed.
     """
-    return tuple(_build(study, scene, lanes) for scene in study.scenes) if study.has_runs else ()
+    has_runs = study.trajectories or any(o.asked is None for o in study.objectives)
+    return tuple(_build(study, scene, lanes) for scene in study.scenes) if has_runs else ()
 
 
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:

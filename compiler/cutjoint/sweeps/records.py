@@ -108,11 +108,6 @@ class Study:
         """The number of runs."""
         return len(self.values)
 
-    @property
-    def has_runs(self) -> bool:
-        """Whether any result comes from runs rather than other tasks."""
-        return bool(self.trajectories) or any(o.asked is None for o in self.objectives)
-
     def settings_of(self, run: int) -> dict[str, float]:
         """The values of a run's variables by name."""
         return dict(zip((v.name for v in self.variables), map(float, self.values[run]), strict=True))

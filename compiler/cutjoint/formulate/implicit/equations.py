@@ -29,7 +29,6 @@ from cutjoint.formulate.implicit.motions import (
     change,
     derive_motions,
     gear_tangent,
-    gear_weights,
     joint_forces_of,
     speed_inputs,
     times,
@@ -356,7 +355,8 @@ class _System:
                     assert S is not None
                     joint = following.independent if following else joint
                     forces[joint] = b.sub(forces[joint], b.mul(b.transpose(S), wrench))
-        for body, force in joint_forces_of(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
+        weights = [b.symbol(f"w:{gear.element.name}", len(gear.names), BindingTime.ITERATION) for gear in self.gears]
+        for body, force in joint_forces_of(self.k, self.gears, weights).items():
             joint = self.k.motions[body].tree_joint.joint.name
             forces[joint] = b.add(forces[joint], force)
         still = still_states(b, self.start.topology.model, "force")

@@ -338,8 +338,3 @@ def gear_tangent(motions: Motions, gear: GearClosure, force: Block) -> Iterator[
             yield j, k, b.mul(motions.weights.constraint, b.mul(first, second))
     for j, second in seconds:
         yield j, j, b.mul(motions.weights.stiffness, b.mul(second, force))
-
-
-def gear_weights(k: Kinematics, gear: GearClosure) -> Block:
-    """An input w for a gear's equation."""
-    return k.builder.symbol(f"w:{gear.element.name}", len(gear.names), BindingTime.ITERATION)

@@ -70,7 +70,7 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
         tuple(_body(mirror, body) for body in elements.bodies),
         tuple(_joint(mirror, joint, signs[joint.name]) for joint in elements.joints),
         tuple(force.mirrored(mirror, signs) for force in elements.forces),
-        tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
+        tuple(r if r.direction is None else replace(r, direction=mirror.vector(r.direction)) for r in elements.reactions),
         tuple(replace(marker, point=mirror.vector(marker.point)) for marker in elements.markers),
         tuple(_gear(gear, signs) for gear in elements.gears),
         elements.states, elements.signals, elements.controllers,
@@ -147,7 +147,3 @@ def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
         return replace(gear, law=first * gear.law.xreplace({POSITION: second * POSITION}))
     reflected = ((c, first * sign * ratio) for sign, (c, ratio) in zip(others, gear.others, strict=True))
     return replace(gear, ratio=first * second * gear.ratio, others=tuple(reflected))
-
-
-def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:
-    return reaction if reaction.direction is None else replace(reaction, direction=mirror.vector(reaction.direction))
