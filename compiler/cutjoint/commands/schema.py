@@ -7,13 +7,13 @@ import click
 from cutjoint.commands import table
 from cutjoint.model.document.model_file import json_schema
 from cutjoint.run.result_files import write_whole
-from cutjoint.sweeps.document import study_schema
+from cutjoint.sweeps.document import Document
 
 
 @table.command("schema")
 def command(of_studies: bool, out: Path | None) -> None:
     """Print the JSON Schema of model files, for editors."""
-    schema = study_schema() if of_studies else json_schema()
+    schema = json_schema(Document) if of_studies else json_schema()
     if out is None:
         click.echo(schema, nl=False)
     else:

@@ -5,7 +5,6 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StrictBool, StrictInt, StrictStr, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Formulation
-from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.document.values import MAX_PIECES, Number, OneOf, Part, Unit, shape_error
 from cutjoint.sweeps.document import Seed
 
@@ -105,7 +104,7 @@ class Starts(Part):
     seed: Seed = 0
 
 
-class Document(Part):
+class Document(Part, title="cutjoint fit"):
     """A fit."""
 
     cutjoint_fit: Literal[1]
@@ -123,8 +122,3 @@ class Document(Part):
     bootstrap: Starts | None = None
     profiles: StrictBool = False
     windows: Annotated[StrictInt, Field(ge=1, le=20)] = 5
-
-
-def fit_schema() -> str:
-    """The JSON Schema of the study files of fits as text."""
-    return json_schema(Document, "cutjoint fit")

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import ConfigDict, Field, StrictInt, StrictStr, Tag, create_model, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
-from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.document.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
 
 #: The largest number of runs of a study.
@@ -221,7 +220,7 @@ class Trajectories(Part):
     every: Annotated[StrictInt, Field(ge=1)] = 1
 
 
-class Document(Part):
+class Document(Part, title="cutjoint study"):
     """A study."""
 
     cutjoint_study: Literal[1]
@@ -247,8 +246,3 @@ class Document(Part):
         if not self.objectives and self.trajectories is None:
             raise shape_error("there are no objectives and no trajectories", "write for example objectives: {peak: {maximum: body.z}}")
         return self
-
-
-def study_schema() -> str:
-    """The JSON Schema of study files as text."""
-    return json_schema(Document, "cutjoint study")

@@ -473,7 +473,7 @@ class SuppliedFunction(Part):
         return self
 
 
-class Document(Elements):
+class Document(Elements, title="cutjoint model"):
     """A model file."""
 
     cutjoint: Literal[1]
@@ -487,7 +487,7 @@ class Document(Elements):
     scenes: dict[Name, Scene] = Field(default={})
 
 
-def json_schema(part: type[Part] = Document, title: str = "cutjoint model") -> str:
+def json_schema(part: type[Part] = Document) -> str:
     """The JSON Schema of model files, or of another document, as text."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **part.model_json_schema(), "title": title}
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **part.model_json_schema()}
     return json.dumps(schema, indent=2) + "\n"
