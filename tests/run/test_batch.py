@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.cli import main
+from cutjoint.model.expressions.functions import supply
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
@@ -24,6 +25,7 @@ from cutjoint.run.cases import read_cases
 from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate
+from cutjoint.run.simulator import SimulatorError
 from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from tests.conftest import MODELS, needs_cpp
 from tests.physics.simulation import compile_scene
@@ -171,6 +173,23 @@ def test_runs_in_lanes_are_done_soon_after_each_other() -> None:
     shares: list[float] = []
     simulate_batch(compiled(), CASES * 3, threads=1, progress=shares.append)
     assert shares == [8 / 33, 16 / 33, 24 / 33, 32 / 33, 1.0]  # eight runs at a time, as many as the widest registers have
+
+
+def test_a_function_that_crashes_leaves_this_process(tmp_path: Path) -> None:
+    """Its runs are of simulators, whose end is an error; the table has what was done before."""
+    place = tmp_path / "pull.cpp"
+    law = "(void)partials; *result = 1; if (arguments[0] > 0.3) __builtin_trap();"
+    place.write_text(f'extern "C" void cutjoint_pull(const double* arguments, double* result, double* partials) {{ {law} }}')
+    text = (MODELS / "pendulum.yaml").read_text(encoding="utf-8").replace("end: 10,", "end: 0.1,").replace("outputs:", """
+functions: {pull: {arguments: [load]}}
+parameters: {load: {value: 0, binding: param}}
+forces: {motor: {kind: joint_force, joint: pin, law: pull(load)}}
+outputs:""")  # fmt: skip
+    model = supply(read_model_text(text, "pendulum.yaml"), place)
+    artifact, cases = compile_scene_batch(model, model.scenes["swing"]), [{"load": k / 10} for k in range(6)]
+    with pytest.raises(SimulatorError, match=r"^the simulator ended with status -") as crash:
+        simulate_batch(artifact, cases, threads=1, out=tmp_path / "o.csv")
+    assert crash.value.__notes__ == [f"the results of 4 of 6 runs are in {tmp_path / 'o.partial.csv'}"]
 
 
 def test_a_run_that_fails_does_not_stop_the_others() -> None:

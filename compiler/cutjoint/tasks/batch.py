@@ -94,7 +94,7 @@ def compile_scene_batch(
 ) -> BatchArtifact:  # fmt: skip
     """Compile a model for batches of a scene, with the recursive method.
     Runs are made side by side by the trapezoidal rule, with penalties if the scene names no closure. They are made one by one if the
-    scene's default integrator is another, if rates of guides may jump, if there are controllers, or without a compiler.
+    scene's default integrator is another, if rates of guides may jump, if there are controllers or functions in C++, or without a compiler.
     ``known`` is what `facts_of` has said of the same batch.
 
     Raises:
@@ -105,7 +105,8 @@ def compile_scene_batch(
     """
     _require_batch(scene)
     integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options())
-    if in_lanes := fits_lanes(model, scene, METHOD, integrator.name):
+    # a library runs in this process, which a function that crashes or does not return would take along
+    if in_lanes := not model.functions and fits_lanes(model, scene, METHOD, integrator.name):
         scene = with_closure(scene, scene.numerics.closure or PLAIN_CLOSURE)
         if must_interpret():
             in_lanes = False
