@@ -33,6 +33,19 @@ def test_rounding_is_shown_as_zero() -> None:
     assert next(row for row in rows if row[:1] == ["far"])[2] == f"{1 / abs(40 + 0.2j * np.pi):.4g}"
 
 
+def test_an_undamped_pole_has_no_sign_of_rounding() -> None:
+    """A damping ratio of 0 is not printed as -0.0000, also where rounding makes the real part positive."""
+    none, one = np.zeros((1, 1)), np.ones((2, 1))
+    model = StateSpace(
+        A=np.array([[1e-16, 4.0], [-4.0, 1e-16]]), B=one, B_rate=0 * one, B_acceleration=0 * one, C=one.T, D=none, D_rate=none,
+        D_acceleration=none, x=np.zeros(2), y=np.zeros(1), states=("a", "b"), inputs=("u",), outputs=("y",), units={"y": "m", "u": "N"},
+    )  # fmt: skip
+    console = Console(width=200, record=True)
+    for table in response_tables(model, np.array([0.1, 1.0]), "rest"):
+        console.print(table)
+    assert ["±4i", "0.6366", "0.0000"] in [line.split()[-3:] for line in console.export_text().splitlines()]
+
+
 def test_narrow_terminals_fold_names_and_keep_each_number() -> None:
     """At 80 columns a long name and a row of six numbers are printed whole."""
     none, name = np.zeros((1, 1)), "a_very_long_name_of_a_joint.displacement"

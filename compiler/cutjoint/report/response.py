@@ -34,7 +34,7 @@ def response_tables(model: LinearModel, frequencies: Array | None, about: str) -
     for pole, rate in ((model.poles[i], model.rates[i]) for i in order if model.poles[i].imag >= 0.0 and len(poles.rows) < _POLES):
         size = abs(rate)
         rings = bool(rate.imag) and np.isfinite(size)
-        poles.add_row(_complex(pole, largest), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
+        poles.add_row(_complex(pole, largest), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:z.4f}" if rings else "-")
     yield poles
     figures = ("peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz")
     responses = table("responses: outputs in their units, inputs in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
