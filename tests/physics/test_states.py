@@ -193,6 +193,29 @@ def test_a_pose_at_rest_has_states_at_rest() -> None:
     assert run.columns["decay.value"][0] == pytest.approx(0, abs=1e-6)
 
 
+#: A block on a spring beside a volume of oil that a force compresses; pressures are of 1 bar, if what is typical is believed.
+SQUEEZED = """
+cutjoint: 1
+name: squeezed
+gravity: [0, 0, -9.81]
+parameters: {F: {value: FORCE, unit: N}}
+bodies: {block: {mass: 2, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: z}}
+forces: {spring: {kind: joint_force, joint: rail, law: -900*position - 5*rate}}
+states: {p: {start: 3 bar, rate: (F - p*1e-4)/1e-9, nominal: 1 bar}}
+outputs: [block.z, p.value]
+scenes: {rest: {end: 1, pose: equilibrium}}
+"""
+
+
+@pytest.mark.parametrize("force", [150.0, 1e5])
+def test_a_state_rests_far_from_its_nominal_value(force: float) -> None:
+    model = read_model_text(SQUEEZED.replace("FORCE", str(force)), "squeezed.yaml")
+    found = find_scene_equilibrium(model, model.scenes["rest"]).values
+    assert found["p.value"] == pytest.approx(force * 1e4, rel=1e-6)
+    assert found["block.z"] == pytest.approx(-2 * 9.81 / 900, abs=1e-9)
+
+
 def test_modes_have_the_rates_of_states() -> None:
     modes = find_scene_modes(at_rest(), at_rest().scenes["run"])
     assert modes.degrees_of_freedom == 1

@@ -263,8 +263,10 @@ class Starter {
   /// That of a rate; a first-order state moves by its nominal value as a length by the arm.
   Real nominal(std::size_t speed) const { return Real(size_at(nominals_of(mechanism_), speed, n_)) / (speed < sizes_.joint_speeds() ? Real(1) : arm()); }
 
-  /// The part of step_ that moves by a length relative to the arm at most.
-  Real part_of_step(double most) const { return std::min(Real(1), Real(most) * arm() / std::max(largest(step_), Real(1e-30))); }
+  /// The part of step_ that moves joints by a length relative to the arm at most; states may be far from rest, however large they are.
+  Real part_of_step(double most) const {
+    return std::min(Real(1), Real(most) * arm() / std::max(size_of(step_.data(), sizes_.joint_speeds()), Real(1e-30)));
+  }
 
   /// Accelerations (m/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
   Real rest_tolerance() const { return std::max(Real(1e-6), rounding_); }
