@@ -25,7 +25,27 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     system_.begin_step(state.t, Real(1));
     if (!this->has_factors())
       if (const Fault fault = renew(state)) return fault;
-    return this->close_with(state, pose_, k_ * alpha_, closing_, shift_, from_);
+    Residuals left;
+    return this->close_with(state, pose_, k_ * alpha_, closing_, shift_, from_, left);
+  }
+
+  /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
+  Fault assemble(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    constexpr int most = 20;
+    Residuals left;
+    this->get_ready(state, Real(1));
+    if (this->arm_ != Real(1)) choose_weights(state);
+    for (int round = 0; round < most; ++round) {
+      this->linearise(state, Real(0), start_weights());
+      pose_ = state.q;
+      if (const Fault fault = this->factor()) return fault;
+      if (const Fault fault = this->close_with(state, pose_, start_alpha_, closing_, shift_, from_, left)) return fault;
+      if (this->is_closed(state)) return {};
+    }
+    const bool open = left.position > left.velocity;
+    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, index_of_largest(open ? phi_ : this->phid_, m_),
+                                   Real(open ? left.position : left.velocity));
   }
 
   /// Memory of the next steps, besides the state and the factors of the last tangent.
@@ -109,11 +129,6 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   bool extrapolates() const {
     using std::pow;
     return pow(share_left_, Real(std::min(iteration_, settings_.multiplier_updates))) < Real(0.3);
-  }
-
-  Fault close_once(StateOf<S>& state) {
-    pose_ = state.q;
-    return this->close_with(state, pose_, start_alpha_, closing_, shift_, from_);
   }
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same fraction of the violation Phid; see Closing.

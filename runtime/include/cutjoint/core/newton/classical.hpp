@@ -20,6 +20,28 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   ClassicalNewton(S& system, Solver& solver, const NewtonSettings& settings)
       : Base(system, solver, settings), scaled_(system), probe_(x_.size()) {}
 
+  /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
+  Fault assemble(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    constexpr int most = 20;
+    this->get_ready(state, Real(1));
+    choose_weights(state);
+    this->constraint_residual(state);
+    for (int round = 0; round < most; ++round) {
+      this->linearise(state, Real(0), start_weights());
+      if (const Fault fault = this->factor()) return fault;
+      if (const Fault fault = close(phi_, state.q)) return fault;
+      this->constraint_residual(state);
+      if (const Fault fault = close(this->phid_, state.v)) return fault;
+      this->constraint_residual(state);
+      if (this->is_closed(state)) return {};
+    }
+    const bool open = largest(phi_) > largest(this->phid_);
+    const Equations<S>& violation = open ? phi_ : this->phid_;
+    const std::size_t worst = index_of_largest(violation, m_);
+    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, worst, violation[worst]);
+  }
+
   /// Memory of the next steps, besides the state and the factors of the last tangent.
   struct Memory {
     typename Base::Memory steps;
@@ -92,14 +114,6 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     const std::size_t worst = index_of_largest(x_, n_);
     if (abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))) return {};
     return this->fault_in_row(Cause::pose_singular, static_cast<int>(worst), x_[worst]);
-  }
-
-  Fault close_once(StateOf<S>& state) {
-    if (const Fault fault = close(phi_, state.q)) return fault;
-    this->constraint_residual(state);
-    if (const Fault fault = close(this->phid_, state.v)) return fault;
-    this->constraint_residual(state);
-    return {};
   }
 
   /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -violation)

@@ -39,7 +39,6 @@ struct NewtonSettings {
 ///
 /// - `weights` and `start_weights`, of the tangent of a step and of the matrix that gives accelerations,
 /// - `right_of_start` and `approach`, the right-hand sides of iterations, of a step with the tangent where that is renewed,
-/// - `close_once`, which closes loops and their rates by the factors of the matrix that gives accelerations,
 /// - `update_multipliers` at the end of a step, whose Phi is known,
 /// - `project_on`, which brings rates, whose violation is Phid, or accelerations, whose violation is Phidd, to the equations; what is left stays in `violation`,
 /// - and whatever it has instead of the functions under "what methods may have of their own".
@@ -96,23 +95,6 @@ class Newton : public Workspace<S, Solver> {
     own().choose_weights(state);
     stay(state);
     take_means(state.vdot);
-  }
-
-  /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
-  Fault assemble(StateOf<S>& state) {
-    if (m_ == 0) return {};
-    constexpr int most = 20;
-    get_ready(state, Real(1));
-    if (this->arm_ != Real(1)) own().choose_weights(state);
-    for (int round = 0; round < most; ++round) {
-      this->linearise(state, Real(0), own().start_weights());
-      if (const Fault fault = this->factor()) return fault;
-      if (const Fault fault = own().close_once(state)) return fault;
-      if (is_closed(state)) return {};
-    }
-    const bool open = largest(phi_) > largest(phid_);
-    const Equations<S>& violation = open ? phi_ : phid_;
-    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, index_of_largest(violation, m_), largest(violation));
   }
 
   /// One step; `state` is that at its end.  Where it fails `state` is the last one that converged, and the system is at its time.

@@ -133,8 +133,9 @@ class Workspace {
   }
 
   /// Close the loops of a state, positions first, then velocities, with the factors of a tangent of a pose with the weight `constraint`
-  /// of the equations; `shift` and `from` are scratch arrays.
-  Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& shift, Coordinates<S>& from) {
+  /// of the equations; `shift` and `from` are scratch arrays.  `left` receives the remaining violations.
+  Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& shift, Coordinates<S>& from,
+                   Residuals& left) {
     const auto bring = [&](Speeds<S>& values, Equations<S>& violation, Real negligible) {
       return closing.close(values, violation, constraint, negligible,
                            [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state.q, weight, along, closed); });
@@ -150,6 +151,7 @@ class Workspace {
     }
     if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * speed_size(state.v))) return fault;
     constraint_residual(state);
+    left = {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
     return {};
   }
 

@@ -151,9 +151,7 @@ class StepStart : public Workspace<S, Solver> {
     if (!has_factors_) return single_.assemble(state);
     time_ = state.t;
     system_.begin_step(state.t, Real(1));
-    const Fault fault = this->close_with(state, pose_, alpha_, closing_, way_, moved_);
-    if (!fault) residuals_ = {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
-    return fault;
+    return this->close_with(state, pose_, alpha_, closing_, way_, moved_, residuals_);
   }
 
   /// The residuals of the equations after that.
