@@ -30,7 +30,8 @@ void compare_squares(Eigen::Index rows, Eigen::Index columns, Eigen::Index rank)
   Vector right = b, x(columns), room(columns), left(columns), beside(columns);
   std::vector<std::size_t> order(static_cast<std::size_t>(columns));
   cutjoint::dense::LeastSquares<double> squares({overwritten.data(), static_cast<std::size_t>(rows), static_cast<std::size_t>(columns)},
-                                                order.data(), left.data(), beside.data(), 1e-7);
+                                                order.data(), left.data(), beside.data());
+  squares.decompose(1e-7);
   squares.solve(right.data(), x.data(), room.data());
   std::printf("squares %td %zu %.3e\n", known.rank(), squares.rank(), (x - known.solve(b)).norm() / (1 + x.norm()));
 }

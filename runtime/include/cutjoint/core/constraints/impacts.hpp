@@ -316,7 +316,8 @@ class Impacts {
     for (std::size_t j = 0; j < size; ++j)
       for (std::size_t i = 0; i < size; ++i) A(i, j) *= scale_[i] * scale_[j];
     for (std::size_t i = 0; i < size; ++i) right_[i] = -scale_[i] * (i < n ? change_[i] : rates_[i - n]);
-    const dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data(), std::max(Real(1e-10), 1024 * epsilon()));
+    dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data());
+    squares.decompose(std::max(Real(1e-10), 1024 * epsilon()));
     squares.solve(right_.data(), step_.data(), room_.data());
     for (std::size_t i = 0; i < size; ++i) step_[i] *= scale_[i];
   }

@@ -232,7 +232,9 @@ class MinimalCoordinates {
   }
 
   dense::LeastSquares<Real> decomposed(std::size_t width = joints) {
-    return {{matrix_.data(), m, width}, order_.data(), left_.data(), beside_.data(), Real(1e-7)};
+    dense::LeastSquares<Real> squares({matrix_.data(), m, width}, order_.data(), left_.data(), beside_.data());
+    squares.decompose(Real(1e-7));
+    return squares;
   }
 
   /// The solution of J x = b for dependent coordinates, with independent ones 0.

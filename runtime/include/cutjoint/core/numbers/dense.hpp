@@ -92,8 +92,10 @@ Real reflect(Real& head, Real* tail, std::size_t n, std::size_t stride) {
 template <class Real>
 class LeastSquares {
  public:
+  LeastSquares(Matrix<Real> A, std::size_t* order, Real* left, Real* right) : A_(A), order_(order), left_(left), right_(right) {}
+
   /// Decompose A in place; pivots below the fraction `threshold` of the largest one count as zero.
-  LeastSquares(Matrix<Real> A, std::size_t* order, Real* left, Real* right, Real threshold) : A_(A), order_(order), left_(left), right_(right) {
+  void decompose(Real threshold) {
     for (std::size_t j = 0; j < A_.columns; ++j) order_[j] = j;
     const std::size_t most = A_.rows < A_.columns ? A_.rows : A_.columns;
     Real largest(0);

@@ -75,7 +75,8 @@ class RestReactions {
   void solve(dense::Matrix<Real> A) {
     std::fill(x_.begin(), x_.end(), Real(0));
     if (A.rows == 0 || A.columns == 0) return;
-    const dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data(), least());
+    dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data());
+    squares.decompose(least());
     squares.solve(b_.data(), x_.data(), scratch_.data());
   }
 
@@ -84,9 +85,11 @@ class RestReactions {
     dofs_ = 0;
     find_jacobian(state);
     std::copy(jacobian_.begin(), jacobian_.end(), right_.begin());
-    const dense::LeastSquares<Real> squares({right_.data(), m_, joint_speeds_}, order_.data(), left_.data(), beside_.data(), least());
-    for (std::size_t place = squares.rank(); place < joint_speeds_; ++place) {
-      const std::size_t own = squares.column_at(place);
+    dense::LeastSquares<Real> squares({right_.data(), m_, joint_speeds_}, order_.data(), left_.data(), beside_.data());
+    std::size_t rank = 0;
+    if (m_ > 0 && joint_speeds_ > 0) squares.decompose(least()), rank = squares.rank();
+    for (std::size_t place = rank; place < joint_speeds_; ++place) {
+      const std::size_t own = m_ > 0 ? squares.column_at(place) : place;
       std::copy_n(jacobian_.data() + own * m_, m_, b_.begin());
       std::fill(x_.begin(), x_.end(), Real(0));
       if (m_ > 0) squares.solve(b_.data(), x_.data(), scratch_.data());

@@ -289,7 +289,9 @@ class Starter {
   }
 
   dense::LeastSquares<Real> decomposed(std::size_t rows, Real least = Real(1e-7)) {
-    return {{matrix_.data(), rows, n_}, order_.data(), left_.data(), beside_.data(), least};
+    dense::LeastSquares<Real> squares({matrix_.data(), rows, n_}, order_.data(), left_.data(), beside_.data());
+    squares.decompose(least);
+    return squares;
   }
 
   /// step_: minimum-norm least-squares solution of matrix step_ = b, a matrix with this many rows; both are overwritten.
