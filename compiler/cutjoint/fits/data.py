@@ -11,7 +11,6 @@ from cutjoint.fits.records import Array
 from cutjoint.model.errors import nearest
 from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import find_package
-from cutjoint.package.locations import require_input
 from cutjoint.run.binary_tables import BINARY, read_columns
 
 #: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
@@ -21,7 +20,6 @@ Columns: TypeAlias = Callable[[str], tuple[Array, Array]]
 def read_data(path: Path, time: str) -> Columns:
     """The columns of a file; ``time`` is that of a table's times, "" of a table without.
     Raises RunError: it cannot be read, or has no such column; the message names the file."""
-    require_input(path)
     try:
         return _mdf(path) if path.suffix.lower() in (".mf4", ".mdf", ".dat") else _table(path, time)
     except FileNotFoundError:

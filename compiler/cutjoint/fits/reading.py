@@ -31,7 +31,7 @@ from cutjoint.model.expressions.scope import Directory, Element, Scope
 from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, kind_of_unit, unit_written
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.locations import AnyPath
+from cutjoint.package.locations import AnyPath, require_input
 from cutjoint.run.reading import read_model
 from cutjoint.run.scenes import find_case
 from cutjoint.sweeps.code import Reader, dimension_of
@@ -370,6 +370,7 @@ class _Reading:
 
     def _data(self, keys: Keys, file: str, time: str) -> Columns:
         if (file, time) not in self.data:
+            require_input(self.folder / file)
             with self._placed(keys):
                 self.data[file, time] = read_data(self.folder / file, time)
         return self.data[file, time]
