@@ -198,6 +198,12 @@ def exported() -> Fmu:
     return make_fmu(model, model.scenes["run"], version=3, kind="cs", integrator="trapezoidal")
 
 
+def test_an_fmu_keeps_a_step_by_one_file_beside_that_of_functions() -> None:
+    sources = exported().sources
+    assert "supplied.cpp" in sources
+    assert [name for name, text in sources.items() if "worn_sim::keep(" in text] == ["worn.cpp"]
+
+
 @pytest.mark.heavy
 def test_a_saved_state_of_an_fmu_has_the_memory_bit_by_bit() -> None:
     slave, other = Slave(exported()), Slave(exported())

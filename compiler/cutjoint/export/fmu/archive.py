@@ -17,6 +17,7 @@ from cutjoint.export.fmu.description import KINDS, Subject, write_build_descript
 from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
+from cutjoint.model.expressions.functions import SUPPLIED_FILE
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import licence, without_mark
@@ -106,8 +107,9 @@ class Fmu:
     @property
     def sources(self) -> dict[str, str]:
         """The C++ of the FMU by name."""
-        code = {name: self.standalone.files[name] + self.kept * name.endswith(".cpp") for name in _code_of(self.standalone)}
-        return {**code, f"fmi{self.version}.cpp": self.layer}
+        files = self.standalone.files
+        own = {name: files[name] + self.kept * (name.endswith(".cpp") and name != SUPPLIED_FILE) for name in _code_of(self.standalone)}
+        return {**own, f"fmi{self.version}.cpp": self.layer}
 
     def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None, target: str | None = None) -> Path:
         """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's, and one of `TARGETS`.
