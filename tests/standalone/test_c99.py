@@ -577,8 +577,12 @@ REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
         ": language c99 has no controller, which 'digital' is; make its values inputs, and compute them in your program between steps",
     ),
     "surface": (
+        lambda text: ROLLED.replace("profile:", "surface: {iso8608: C, seed: 7, width: 4}\n      profile:"), [],
+        ": language c99 has no scene with a road surface, which 'roll' is; write its heights as 'profile'",
+    ),
+    "friction": (
         lambda text: ROLLED.replace("profile:", "friction: [{x: [0, 1], y: [-1, 1], value: 0.5}]\n      profile:"), [],
-        ": language c99 has no scene with a surface or friction of its road, which 'roll' is; write its heights as segments",
+        ": language c99 has no scene with friction of its road, which 'roll' is; leave 'friction' out",
     ),
     "events": (
         lambda text: text.replace("end: 1,", "end: 1, numerics: {events: located},"), [],

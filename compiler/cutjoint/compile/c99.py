@@ -35,14 +35,17 @@ class _Refusal:
     remedy: str
 
 
+def _scenes_with(model: Model, scene: Scene, part: str) -> list[Scene]:
+    return [scene] if part in scene.road.parts and any(force.has_road for force in model.forces) else []
+
+
 _REFUSED = (
     _Refusal(kind="controller", found=lambda m, s: m.controllers,
         remedy="make its values inputs, and compute them in your program between steps"),
     _Refusal(kind="state", found=lambda m, s: m.states, remedy="make its value an input, and integrate it in your program"),
     _Refusal(kind="function", found=lambda m, s: m.functions, remedy="write it as an expression or a table"),
-    _Refusal(kind="scene with a surface or friction of its road",
-        found=lambda m, s: [s] if s.road.parts and any(f.has_road for f in m.forces) else [],
-        remedy="write its heights as segments"),
+    _Refusal(kind="scene with a road surface", found=lambda m, s: _scenes_with(m, s, "surface"), remedy="write its heights as 'profile'"),
+    _Refusal(kind="scene with friction of its road", found=lambda m, s: _scenes_with(m, s, "friction"), remedy="leave 'friction' out"),
     _Refusal(kind="omitted force", found=lambda m, s: m.guards, remedy="compile the full model"),
     _Refusal(kind="guide that may jump", found=lambda m, s: [j for j in m.joints if j.guide] if guides_jump(m, s) else [],
         remedy="write its motion without piecewise formulas, abs and sign"),

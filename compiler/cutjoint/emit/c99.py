@@ -70,7 +70,7 @@ def emit_c99(
     bodies = [line for f in views.values() for line in _lines(f)]
     sizes = sizes_of(equations)["sizes"]
     assert isinstance(sizes, Mapping)
-    settable = equations.inputs if str(view["guiding"]).count(",") < len(equations.inputs) else ()
+    settable = equations.inputs if view["steered"] is not None else ()
     view |= {
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],

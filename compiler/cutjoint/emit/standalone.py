@@ -207,7 +207,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": next((i for i in range(len(equations.inputs)) if i not in guiding), None),
-        "guiding": "".join(f", {i}" for i in guiding),
+        "guiding": guiding,
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _indexed_values(defaults.positions, start.coordinate_names),
         "rates": _indexed_values(defaults.rates, start.speed_names),

@@ -58,6 +58,7 @@ SCENES = (
     ("gantry", None, None, 1e-4), ("car", None, None, 1e-4),
     ("axle", None, None, 1e-4), ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-3), ("iltis", "simul3", 4.0, 1e-3),
 )  # fmt: skip
+SEED = 1  #: of the draws
 FAR = 2.5  #: candidates of more estimated work, as multiples of the least, are not counted
 KEPT, DRAWN = DOCS / "choice.json", DOCS / "choice_drawn.json"
 
@@ -65,14 +66,11 @@ KEPT, DRAWN = DOCS / "choice.json", DOCS / "choice_drawn.json"
 @click.command()
 @click.option("--only", multiple=True, metavar="NAME", help="Models or scenes to measure; the file keeps the others.")
 @click.option("--drawn", is_flag=True, help="Take mechanisms with drawn laws and numbers.")
-@click.option("--seed", default=1, show_default=True, help="Seed of the draws.")
-def main(only: tuple[str, ...], drawn: bool, seed: int) -> None:
+def main(only: tuple[str, ...], drawn: bool) -> None:
     """Measure what is not yet measured, print a row for each scene, and keep the results."""
     store, kept = Store(RESULTS / "choice" / "measurements.jsonl"), DRAWN if drawn else KEPT
     rows: dict[str, Record] = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
-    for name, model, found, accuracy in _drawn(seed) if drawn else _of_models(only):
-        if only and not {name, found.name} & set(only):
-            continue
+    for name, model, found, accuracy in (_drawn if drawn else _of_models)(only):
         wanted = replace(found, method="auto", accuracy=accuracy)
         rows[f"{name} {found.name} {accuracy:g}"] = Comparison(model=model, scene=wanted, store=store).row()
         kept.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
@@ -88,15 +86,16 @@ def _of_models(only: tuple[str, ...]) -> Iterator[tuple[str, Model, Scene, float
         yield name, model, replace(found, end=found.end if end is None else end), accuracy
 
 
-def _drawn(seed: int) -> Iterator[tuple[str, Model, Scene, float]]:
-    rng = default_rng(seed)
-    for draw in draws(1, seed):
+def _drawn(only: tuple[str, ...]) -> Iterator[tuple[str, Model, Scene, float]]:
+    for draw, accuracy in zip(all_ := list(draws(1, SEED)), default_rng(SEED).choice([1e-3, 1e-4, 1e-5], len(all_)), strict=True):
+        if only and draw.name not in only:
+            continue
         text = draw.text
         for parameter, value in draw.parameters[0].items():
             text = re.sub(rf"\b{parameter}: {{value: [^,]*, binding: param}}", f"{parameter}: {{value: {value}}}", text)
         model = read_model_text(text, f"{draw.name}.yaml")
         (scene,) = model.scenes.values()
-        yield draw.name, model, scene, float(rng.choice([1e-3, 1e-4, 1e-5]))
+        yield draw.name, model, scene, float(accuracy)
 
 
 @dataclass(frozen=True, kw_only=True)

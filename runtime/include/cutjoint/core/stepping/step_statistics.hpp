@@ -1,6 +1,9 @@
 // What a step did: constraint violations, statistics, and limits of these.
 #pragma once
 
+#include <algorithm>
+#include <string_view>
+
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 
 namespace cutjoint {
@@ -82,7 +85,7 @@ class Limits {
   }
 
  private:
-  static constexpr std::size_t pivot_ = 3;  ///< the place of its name
+  static constexpr std::size_t pivot_ = static_cast<std::size_t>(std::ranges::find(limit_names, std::string_view("pivot")) - std::ranges::begin(limit_names));
 
   std::array<double, number> values_;
   bool any_ = false;
