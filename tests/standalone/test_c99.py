@@ -544,6 +544,20 @@ def test_misra_deviations_are_those_of_the_readme(name: str, tmp_path: Path) -> 
 
 @needs_cpp
 @pytest.mark.heavy
+@pytest.mark.parametrize("compiler", ["tcc", "clang", "aarch64-linux-gnu-gcc", "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb"])
+@pytest.mark.parametrize("name", ["press", "four_bar", "delta", "iltis embedded"])
+def test_other_compilers_have_no_objection(name: str, compiler: str, tmp_path: Path) -> None:
+    if which(compiler.split()[0]) is None:
+        pytest.skip(f"needs {compiler.split()[0]}")
+    files, standalone = exported(name)
+    for file in (f"{standalone.name}.c", f"{standalone.name}.h"):
+        (tmp_path / file).write_text(files[file], encoding="utf-8")
+    call = [*compiler.split(), *C, "-c", f"{standalone.name}.c", "-o", "made.o"]
+    assert subprocess.run(call, cwd=tmp_path, check=True, capture_output=True, text=True).stderr == ""
+
+
+@needs_cpp
+@pytest.mark.heavy
 @pytest.mark.skipif(PROCESSORS["aarch64"].missing, reason="needs qemu-user and gcc-aarch64-linux-gnu")
 def test_another_processor_has_the_same_bits(tmp_path: Path) -> None:
     files, tables = exported("press")[0], []
