@@ -187,16 +187,12 @@ class Standalone:
             "Parameter": [p.name for p in equations.parameters], "Input": [p.name for p in equations.inputs],
             "Output": [c.name for c in equations.columns], "Pose": list(self.parts.poses),
         }  # fmt: skip
+        code = (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
         return {
-            f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=module_script()),
+            f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=code),
             f"{self.name}.d.mts": page.render("wasm/module.d.mts.jinja", kinds=kinds),
             "LICENSE.musl": licence_of_musl(),
         }
-
-
-def module_script() -> str:
-    """The JavaScript host of modules; it is the same for any model."""
-    return (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
 
 
 def freeze_start_parameters(model: Model, scene: Scene) -> Model:
@@ -240,7 +236,9 @@ def make_standalone(
     finite.
     """
     equations, program, source = generated
-    _require_unknowns(equations)
+    if isinstance(equations, SystemEquations) and not equations.unknowns:
+        file = equations.topology.model.span.file
+        raise RunError(f"{file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
     linearise = linearise or adjoint
     if linearise:
         _require_relative(equations, "linearise", "which have no derivatives")
@@ -285,13 +283,6 @@ def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equa
     """Return whether derivatives of adaptive steps are exact only if steps end where the load of a friction force passes zero."""
     chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
     return INTEGRATORS[chosen].adaptive
-
-
-def _require_unknowns(equations: Equations) -> None:
-    """Check that Newton's iteration, where the method has one, has something to solve for."""
-    if isinstance(equations, SystemEquations) and not equations.unknowns:
-        model = equations.topology.model
-        raise RunError(f"{model.span.file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
 
 
 def _require_relative(equations: Equations, requested: str, why: str) -> None:

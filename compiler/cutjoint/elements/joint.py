@@ -383,11 +383,6 @@ class JointElement:
         return next((c.direction for c in self.conditions if isinstance(c, SameDirection)), None)
 
     @property
-    def constrains_attitude(self) -> bool:
-        """Return whether the joint keeps the relative attitude of its bodies."""
-        return any(isinstance(c, SameAttitude) for c in self.conditions)
-
-    @property
     def constrains_points_only(self) -> bool:
         """Return whether the joint constrains points and no direction."""
         return self.closes and all(isinstance(c, SamePoint | SameDistance) for c in self.conditions)

@@ -11,11 +11,6 @@ Scalar: TypeAlias = Any
 Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
 
 
-def reads_elements(expression: Scalar) -> bool:
-    """Return whether an expression has symbols of other elements' quantities, or of controllers' discrete states (`model.expressions`)."""
-    return any(str(symbol).startswith(("@", "$")) for symbol in getattr(expression, "free_symbols", ()))
-
-
 @dataclass(frozen=True, kw_only=True, order=True)
 class Span:
     """The place of an element in the user's file; line and column count from one."""

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from cutjoint.emit.factor_blocks import Block, factor_blocks, solve_blocks
 from cutjoint.emit.factor_tables import make_tables, pivot_rows
 from cutjoint.emit.source import FACTORISATION, Page, Piece
-from cutjoint.sparse.plan import Plan, Trial
+from cutjoint.sparse.plan import Plan
 from cutjoint.sparse.tiles import WIDTH
 
 #: Multiply-adds of a factorisation and a solution up to which the code is straight-line.  It is 1.4 to 1.8 times as fast as the loop at any
@@ -67,15 +67,14 @@ def _header(plan: Plan) -> dict[str, object]:
     size = f"size {pattern.size} with {len(pattern.row)} entries"
     return {
         "summary": f"{kind} of a matrix of {size}, in {len(plan.tiling)} tiles.  Orders tried:",
-        "trials": [_describe(trial) for trial in plan.trials],
+        "trials": [
+            f"{trial.name}: {trial.multiply_adds} multiply-adds to factor and solve, {trial.operations} operations by tiles"
+            for trial in plan.trials
+        ],
         "factors": plan.storage.length,
         "kind": kind,
         "usable": "positive" if symmetric else "finite or is zero",
     }
-
-
-def _describe(trial: Trial) -> str:
-    return f"{trial.name}: {trial.multiply_adds} multiply-adds to factor and solve, {trial.operations} operations by tiles"
 
 
 def _parts(kind: str, blocks: Sequence[Block], page: Page) -> dict[str, Piece]:

@@ -201,7 +201,7 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     conditions = [*(s.value for s in indicators), *(d.margin for d in domains)]
     begun = [*laws, *_starts(b, model)]
     values = [*begun, *conditions]
-    read = _read(b, len(conditions))
+    read = (b.element(b.symbol(LAW_VALUES, len(conditions), BindingTime.STEP), i) for i in range(len(conditions)))
     discrete_state_names = [discrete_state_name(value) for value in model.discrete_states]
     slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *discrete_state_names, *("law" for _ in conditions)]
     return SceneInputs(
@@ -249,10 +249,3 @@ def elements_read(results: Iterable[Block], symbol: str) -> set[int]:
             data: Any = block.data
             found.update(range(*data[0]) if block.op == "take" else range(column.shape[0]))
     return found
-
-
-def _read(b: Builder, count: int) -> Iterator[Block]:
-    """The values of the laws, in addition to the inputs, that a step reads, element by element."""
-    if count:
-        column = b.symbol(LAW_VALUES, count, BindingTime.STEP)
-        yield from (b.element(column, i) for i in range(count))

@@ -76,11 +76,8 @@ def _moves_across(joint: Joint, normal: Vector, values: dict[object, float]) -> 
         return True
     if joint.kind in _ROTATIONS:
         return all(abs(x) <= _PARALLEL for x in _numbers(sympy.Matrix(joint.axes[0]).cross(sympy.Matrix(normal)), values))
-    return joint.kind is JointKind.PRISMATIC and abs(_numbers([_dot(joint.axes[0], normal)], values)[0]) <= _PARALLEL
-
-
-def _dot(a: Vector, b: Vector) -> object:
-    return sum((x * y for x, y in zip(a, b, strict=True)), sympy.Integer(0))
+    along = sum((x * y for x, y in zip(joint.axes[0], normal, strict=True)), sympy.Integer(0))
+    return joint.kind is JointKind.PRISMATIC and abs(_numbers([along], values)[0]) <= _PARALLEL
 
 
 def _numbers(expressions: object, values: dict[object, float]) -> list[float]:

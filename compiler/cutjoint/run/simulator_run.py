@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -14,17 +14,7 @@ from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, join_and
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.result_files import RunTables, place_of, read_rows
-from cutjoint.run.results import (
-    Array,
-    Columns,
-    FailureReport,
-    NearJump,
-    Trajectory,
-    columns_of,
-    read_energy,
-    read_locking_forces,
-    read_statistics,
-)
+from cutjoint.run.results import Columns, FailureReport, NearJump, Trajectory, columns_of, read_energy, read_locking_forces, read_statistics
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 #: Jumps within this share of a sample interval of a sample are reported.
@@ -152,7 +142,9 @@ def start(
             left = join_and([f"'{independent}'" for independent in ended.guards])
             fallback = f"the loops' equations at t = {state['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         rows, failure = summary.get("rows", 0), failure_of(summary)
-        coordinates = None if file is None else _read_coordinates(file, rows)
+        coordinates = None if file is None else np.zeros((0, 0))
+        if file is not None and rows:
+            coordinates = read_rows(file, os.fstat(file.fileno()).st_size // (8 * rows))[:, 1:]
         t, columns = columns_of(tables.rows(1 + len(run.units)), tuple(run.units), rows)
         table = tables.finish(summary.get("bytes")) if failure is None else tables.leave(str(failure))
     return Trajectory(
@@ -170,11 +162,6 @@ def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any
     if continuation is None or not ended.guards or not summary.get("kept"):
         return None
     return continuation if {*ended.guards} <= {*continuation.guards} else None
-
-
-def _read_coordinates(file: BinaryIO, rows: int) -> Array:
-    """The coordinates of a run, (rows, coordinates), from its simulator's table; (0, 0) if there is none."""
-    return read_rows(file, os.fstat(file.fileno()).st_size // (8 * rows))[:, 1:] if rows else np.zeros((0, 0))
 
 
 def merge_summaries(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.records import Array, Kind, Objective, Study
 from cutjoint.sweeps.run import Sweep
 from cutjoint.view.ghost import GhostRun, read_page
-from cutjoint.view.page import as_data, as_table, script_hash
+from cutjoint.view.page import as_data, as_script, as_table, script_hash
 from cutjoint.view.views import show_run, write_shown
 
 #: The largest size of a page's numbers, bytes; of larger sweeps it shows a selection of runs.
@@ -74,7 +74,7 @@ def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, Rep
     }  # fmt: skip
     content = shown.astype("<i4").tobytes() + b"".join(values[shown].astype("<f4").tobytes() for values in numbers)
     folder = templates_folder()
-    script, loader = (folder / "sweep/page.js").read_text(encoding="utf-8"), jinja2.FileSystemLoader(folder / "sweep")
+    script, loader = as_script("view/page/elements", "sweep/page"), jinja2.FileSystemLoader(folder / "sweep")
     environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     page: str = environment.get_template("page.html.jinja").render(
         title=escape(f"{study.model.name}: {study.runs} runs"), about=as_data(about), numbers=base64.b64encode(content).decode(),

@@ -14,8 +14,8 @@ from typing import Any
 
 from cutjoint.emit.source import Generated, Source
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain.build import build, is_built
-from cutjoint.toolchain.cache import cache_folder
+from cutjoint.toolchain.build import build, place_of
+from cutjoint.toolchain.cache import cache_folder, is_sound
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind, interpreter_is_there
 from cutjoint.toolchain.objects import missing_sources
@@ -43,7 +43,7 @@ def build_in_background(source: Source, *, flags: Sequence[str], patience: float
     """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None.
     The process, and how long it will take (s). Raises ToolchainError: there is no compiler, or the process cannot be started."""
     compiler = find_compiler()
-    if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):
+    if is_sound(place_of(source, compiler, flags, Kind())) or not interpreter_is_there(source.driver, compiler, flags):
         return None
     seconds = forecast(missing_sources(source, compiler, flags), [*compiler.key, *flags])
     return (_begin(source, flags), seconds) if seconds > patience else None

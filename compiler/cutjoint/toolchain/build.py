@@ -53,17 +53,13 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) 
     ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    cached = _place_of(source, compiler, flags, kind)
+    cached = place_of(source, compiler, flags, kind)
     fresh = find_or_make(cached, lambda place: _build_in(place, source, compiler, flags, kind))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 
-def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
-    """Return whether the cache has the simulator of a source. Raises ToolchainError: there is no compiler."""
-    return is_sound(_place_of(source, find_compiler(), flags, _PLAIN))
-
-
-def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
+def place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
+    """The place in the cache of the simulator or the library of a source."""
     key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.key])
     return cache_folder() / key / source.product
 

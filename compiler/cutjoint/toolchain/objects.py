@@ -53,14 +53,11 @@ class Object:
 def find_objects(source: "Source", compiler: Compiler, flags: Sequence[str], kind: Kind) -> list[Object]:
     """The object files that a simulator or a library may consist of."""
     targets = _TARGETS if source.driver in DRIVERS else _OF_LIBRARIES
-    how = {target: [_project_digest(), *compiler.key, *resolve(flags), *_variant(target, source.driver, kind)] for target in targets}
+    # the origin of a target's definitions and headers; `start` is the same for all
+    origins = {t: [t, runtime_digest(part=source.driver), source.driver, *kind.number] for t in targets} | {"start": [runtime_digest()]}
+    how = {target: [_project_digest(), *compiler.key, *resolve(flags), *origins[target]] for target in targets}
     texts = {name: "\0".join(_code(source.files, name)) for name in source.files if name.endswith(".cpp")}
     return [Object(target=t, source=name, digest=digest_of([text, *how[t]])) for t in targets for name, text in texts.items()]
-
-
-def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
-    """The origin of a target's definitions and headers; ``start`` is the same for all."""
-    return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, *kind.number)
 
 
 def missing_sources(source: "Source", compiler: Compiler, flags: Sequence[str]) -> dict[str, int]:

@@ -72,7 +72,7 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     base = min(parts, key=lambda part: min(len(bodies_inwards(above, b)) for b, p in known.items() if p == part))
     touched = sorted({body for joint in joints for body in (joint.base, joint.follower) if known[body] == base})
     carrier = _common(above, touched)
-    paths = [t.joint for body in touched for t in _path(above, body, carrier)]
+    paths = [t.joint for body in touched for t in joints_inwards(above, body)[: bodies_inwards(above, body).index(carrier)]]
     inner = [b for b, part in known.items() if part in parts - {base}]
     drives = tuple(dict.fromkeys(joint for joint in paths if joint.guide is not None))
     return Block(
@@ -85,7 +85,3 @@ def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
     """The deepest common ancestor of the bodies."""
     shared = set.intersection(*(set(bodies_inwards(above, body)) for body in bodies))
     return next(body for body in bodies_inwards(above, bodies[0]) if body in shared)
-
-
-def _path(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
-    return joints_inwards(above, body)[: bodies_inwards(above, body).index(carrier)]

@@ -13,7 +13,6 @@ from zlib import crc32
 
 import numpy as np
 
-from cutjoint.compile.c_export import module_script
 from cutjoint.emit.source import environment
 from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Model, Plot, Vector
@@ -29,8 +28,8 @@ from cutjoint.view.sliders import Sliders
 
 #: The page's own script is these files in this order, in one function.
 SCRIPTS = (
-    "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph", "sliders",
-    "live", "controls",
+    "elements", "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph",
+    "sliders", "live", "controls",
 )  # fmt: skip
 #: More files of pages with a simulation that runs, before the last.
 DRIVING = ("ground", "keeping", "drive")
@@ -93,9 +92,12 @@ def make_page(
 def own_script(*, driving: bool = False) -> str:
     """The page's own script; one that is ``driving`` has a simulation and its host too."""
     names = (*SCRIPTS[:-1], *DRIVING, SCRIPTS[-1]) if driving else SCRIPTS
-    parts = [(templates_folder() / "view" / "page" / f"{name}.js").read_text(encoding="utf-8") for name in names]
-    if driving:
-        parts.insert(0, module_script())
+    return as_script(*(["wasm/module"] if driving else []), *(f"view/page/{name}" for name in names))
+
+
+def as_script(*names: str) -> str:
+    """Files of templates as one script, in a function of its own."""
+    parts = [(templates_folder() / f"{name}.js").read_text(encoding="utf-8") for name in names]
     return "\n".join(["'use strict';", "(() => {", *parts, "})();", ""])
 
 

@@ -3,11 +3,7 @@ const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLi
   LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
   Scene, Vector2, Vector3, Vector4, WebGLRenderer,
 } = Libraries;
-function bytes(id) {
-  const text = atob(textOf(id)), all = new Uint8Array(text.length);
-  for (let i = 0; i < all.length; i++) all[i] = text.charCodeAt(i);
-  return all.buffer;
-}
+const bytes = (id) => decoded(textOf(id));
 const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
   for (let bit = 0; bit < 8; bit++) byte = (byte >>> 1) ^ (byte & 1 && 0xedb88320);
   return byte;
@@ -34,13 +30,3 @@ function measured(column) {
   const largest = column.values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
   return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };
 }
-
-/** An element with properties and what it holds. */
-function make(tag, properties = {}, ...inside) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...inside);
-  return made;
-}
-
-/** A line of a table: texts, each in its cell. */
-const tableLine = (texts) => make('tr', {}, ...texts.map((textContent) => make('td', { textContent })));

@@ -135,10 +135,7 @@ function takeSteps(count) {
 function stop(error) {
   run.fault = error;
   playDrive(false);
-  by('failure').hidden = false;
-  by('stopped').textContent = error.message;
-  by('place').textContent = `at ${run.sim.time.toFixed(3)} s`;
-  by('advice').textContent = 'The drive so far is kept: save it as CSV, go back by the slider of the time, or reset.';
+  sayStopped(error.message, `at ${run.sim.time.toFixed(3)} s`, 'The drive so far is kept: save it as CSV, go back by the slider of the time, or reset.');
   by('slowly').hidden = true;
   by('rescue').hidden = false;
   storeDrive();
@@ -335,7 +332,7 @@ function chooseCamera(name) {
 
 /** The recording in full precision: rows of outputs, then of inputs. */
 function driveTable() {
-  const heads = [{ name: 't', unit: 's' }, ...run.core.outputs, ...run.axes].map(({ name, unit }) => (unit ? `${name} [${unit}]` : name));
+  const heads = [{ name: 't', unit: 's' }, ...run.core.outputs, ...run.axes].map(heading);
   const lines = Array.from({ length: run.times.length }, (_, i) => [run.times, ...run.rows].map((column) => column.room[i]).join(','));
   return [heads.join(','), ...lines].join('\n') + '\n';
 }
@@ -347,9 +344,12 @@ const saveDrive = () => save(`${stem()}.csv`, new Blob([driveTable()], { type: '
 
 const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' })[key] ?? key.replace(/^Key|^Digit/, '');
 
+/** The names of the keys that move an axis. */
+const keysOf = (axis) => [axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName);
+
 /** The keys, shown over the picture. */
 function layKeys() {
-  const own = run.axes.filter((axis) => axis.plus.length).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
+  const own = run.axes.filter((axis) => axis.plus.length).map((axis) => [keysOf(axis), axis.name]);
   for (const [keys, text] of [...own, [['space'], 'drive, pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
     by('keys').append(make('div', {}, ...keys.map((textContent) => make('kbd', { textContent })), ` ${text}`));
   }
@@ -358,7 +358,7 @@ function layKeys() {
 /** A line with a slider for each axis, with its keys, and for a car bars over the picture. */
 function layAxes() {
   for (const axis of run.axes) {
-    const hint = [axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName).join(' ');
+    const hint = keysOf(axis).join(' ');
     axis.output = make('output');
     axis.input = make('input', { type: 'range', min: axis.low === axis.rest ? 0 : -1, max: 1, step: 'any', value: 0, ariaLabel: axis.name });
     axis.input.addEventListener('input', () => { const { name } = axis; run.axes.find((each) => each.name === name).put(Number(axis.input.value)); if (!state.playing) showAxis(run.axes.find((each) => each.name === name)); });

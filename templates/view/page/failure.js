@@ -4,12 +4,14 @@ const { failure } = about;
 /** Duration of the last steps in slow motion, s. */
 const SLOWLY = 8;
 
+function sayStopped(text, place, advice) {
+  by('failure').hidden = false;
+  for (const [id, textContent] of [['stopped', text], ['place', place], ['advice', advice]]) by(id).textContent = textContent;
+}
+
 function showFailure() {
   if (!failure) return;
-  by('failure').hidden = false;
-  by('stopped').textContent = failure.text;
-  by('place').textContent = failure.place;
-  by('advice').textContent = failure.advice;
+  sayStopped(failure.text, failure.place, failure.advice);
   by('advice').hidden = !failure.advice;
   by('slowly').hidden = !(last > failure.since);
   by('slowly').addEventListener('click', () => {

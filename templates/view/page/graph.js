@@ -109,7 +109,7 @@ function showTab(name) {
 function showGraph() {
   if (!graph) return;
   by('tabs').hidden = false;
-  by('said').replaceChildren(...graph.facts.map(tableLine));
+  by('said').replaceChildren(...graph.facts.map((fact) => tableLine(fact)));
   by('families').replaceChildren(...graph.families.map((textContent, i) => make('li', { className: `family${i % 6}`, textContent })));
   drawGraph();
   by('tab-picture').addEventListener('click', () => showTab('picture'));

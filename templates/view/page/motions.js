@@ -7,7 +7,7 @@ function chooseMotion(name) {
   mixer?.stopAllAction();
   action = clip && mixer.clipAction(clip);
   action?.play();
-  by('facts').replaceChildren(...motion.facts.map(tableLine));
+  by('facts').replaceChildren(...motion.facts.map((fact) => tableLine(fact)));
   setTime(state.time);
 }
 

@@ -18,11 +18,7 @@ function loadGhost(gltf, name) {
     if (object.isMesh) object.material = ghost.material;
   });
   scene.add(gltf.scene);
-  if (gltf.animations.length) {
-    ghost.mixer = new AnimationMixer(gltf.scene);
-    ghost.action = ghost.mixer.clipAction(gltf.animations[0]);
-    ghost.action.play();
-  }
+  if (gltf.animations.length) [ghost.mixer, ghost.action] = animated(gltf.scene, gltf.animations[0]);
   by('over').hidden = by('ghostly').hidden = false;
   by('over').textContent = `over ${name}`;
   by('ghost').addEventListener('change', (e) => { ghost.scene.visible = e.target.checked; redraw(); });

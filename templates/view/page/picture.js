@@ -24,19 +24,15 @@ function load(gltf) {
     if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
     if (object.userData.element !== undefined) elements.set(object.userData.element, object);
     if (!object.isMesh) return;
-    if (isMark(object)) return dressMark(object);
-    if (object.userData.arrow !== undefined) return dressArrow(object);
+    if (object.userData.mark !== undefined) return dressOver(object, marks, MeshBasicMaterial, 0.45, 1);
+    if (object.userData.arrow !== undefined) return dressOver(object, arrows, MeshLambertMaterial, 0.85, 2);
     if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
     if (isRoad(object)) tarmac.set(materials.get(object.material), object.material.color.clone());
     object.material = materials.get(object.material);  // cheaper than the glTF materials in software rendering
     if (bodyOf(object) !== undefined) clickable.push(object);
   });
   clips = gltf.animations;
-  if (clips.length) {
-    mixer = new AnimationMixer(model);
-    action = mixer.clipAction(clips[0]);
-    action.play();
-  }
+  if (clips.length) [mixer, action] = animated(model, clips[0]);
   by('forceful').hidden = !arrows.length;
   showArrows(false);
   setTime(first);
@@ -47,25 +43,20 @@ function load(gltf) {
   dress();
 }
 
-/** Arrows are visible through bodies. */
-function dressArrow(object) {
-  arrows.push(object);
-  object.material = new MeshLambertMaterial({ color: object.material.color, transparent: true, opacity: 0.85, depthTest: false });
-  object.renderOrder = 2;
+function animated(object, clip) {
+  const own = new AnimationMixer(object);
+  return [own, own.clipAction(clip).play()];
+}
+
+/** Arrows and marks are visible through bodies. */
+function dressOver(object, list, Material, opacity, renderOrder) {
+  list.push(object);
+  Object.assign(object, { renderOrder, material: new Material({ color: object.material.color, transparent: true, opacity, depthTest: false }) });
 }
 
 function showArrows(on) {
   for (const arrow of arrows) arrow.visible = on;
   redraw();
-}
-
-const isMark = (object) => object.userData.mark !== undefined;
-
-/** Marks are visible through bodies. */
-function dressMark(object) {
-  marks.push(object);
-  object.material = new MeshBasicMaterial({ color: object.material.color, transparent: true, opacity: 0.45, depthTest: false });
-  object.renderOrder = 1;
 }
 
 /** What an object, or else the nearest that holds it, says of itself. */

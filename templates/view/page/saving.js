@@ -1,16 +1,8 @@
 // Saves the table, the picture or a video as files.
-function save(name, content) {
-  const link = make('a', { href: URL.createObjectURL(content), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
-}
-
-const stem = () => about.title.replace(/[^\w.-]+/g, '_');
-
 /** The rows of the page, with its digits. */
 function tableText() {
-  const all = [{ name: 't', values: t, unit: 's' }, ...columns], quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const head = all.map((c) => quoted(c.unit ? `${c.name} [${c.unit}]` : c.name)).join(',');
+  const all = [{ name: 't', values: t, unit: 's' }, ...columns];
+  const head = all.map((c) => quoted(heading(c))).join(',');
   return [head, ...Array.from(t, (_, i) => all.map((c) => (Number.isFinite(c.values[i]) ? +c.values[i].toPrecision(7) : '')).join(','))].join('\n') + '\n';
 }
 

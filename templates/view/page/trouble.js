@@ -1,6 +1,4 @@
 // The notice of a page that cannot show its content, present until all is ready.
-const by = (id) => document.getElementById(id);
-
 function showError(error) {
   const notice = by('notice') ?? document.body.appendChild(document.createElement('p'));
   document.body.dataset.ready = 'no';

@@ -67,7 +67,6 @@ function markTexts(marks, step) {
   return marks.map((mark) => (Math.abs(mark) < 1e6 ? mark.toFixed(decimals) : String(+mark.toPrecision(6))));
 }
 
-const colourOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const curveColour = (place) => colourOf(place ? `--loop${place % 6}` : '--accent');
 
 /** The chosen curves, over the time or over another column; those of an earlier run are dashed. */

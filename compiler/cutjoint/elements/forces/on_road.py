@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from cutjoint.elements.force import Force, ForceField, Mirror, Reader, Shape
-from cutjoint.elements.terms import Scalar, Vector, reads_elements
+from cutjoint.elements.terms import Scalar, Vector
 
 #: Fields of the ground under a wheel, with their units.
 TERRAIN = {"terrain_height": "m", "terrain_slope": "1", "terrain_bank": "1", "friction": "1"}
@@ -44,8 +44,9 @@ class OnRoad(Force):
 
     @property
     def measured(self) -> frozenset[str]:
-        """No quantity of a wheel whose ground reads other elements."""
-        return frozenset() if any(map(reads_elements, self.terrain.values())) else super().measured
+        """No quantity of a wheel whose ground reads other elements, or controllers' discrete states: symbols of `model.expressions`."""
+        symbols = (symbol for value in self.terrain.values() for symbol in getattr(value, "free_symbols", ()))
+        return frozenset() if any(str(symbol).startswith(("@", "$")) for symbol in symbols) else super().measured
 
     def with_added_terrain(self, added: Mapping[str, Scalar]) -> Self:
         """The wheel with ``added`` terrain, by the names of the fields: heights and slopes are summed, frictions multiplied."""

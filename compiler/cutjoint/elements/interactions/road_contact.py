@@ -123,7 +123,7 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, b.letter(n, "n"))
     upright = b.call("sqrt", b.dot(across, across))  # n . (e_x x a) = e_x . (a x n)
-    e_x = b.letter(b.scale(_inverse(b, upright), across), "e_x")
+    e_x = b.letter(b.scale(b.call("div", b.number(1.0), upright), across), "e_x")
     return Ground(
         n=n, n_z=n_z, e_x=e_x, e_y=b.letter(b.cross(n, e_x), "e_y"), e_z=b.letter(b.cross(e_x, axis), "e_z"), axis=axis,
         clearance=clearance, friction=_with(m, b.mul, friction, wheel.friction), upright=upright,
@@ -138,7 +138,8 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
     constants["SN"] = b.mul(constants["SN"], road.friction)
     deflection = b.sub(constants["radius"], road.clearance)
-    load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
+    pressed = b.mul(b.mul(constants["stiffness"], deflection), n_z)
+    load = b.call("where", b.call("lt", b.zero(1), deflection), pressed, b.zero(1))
     rolling, drift = b.letter(b.dot(e_x, velocity), "v_x"), b.letter(b.dot(e_y, velocity), "v_y")
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
@@ -183,11 +184,3 @@ def calspan(b: Builder, c: Mapping[str, Block], load: Block, slip: Block, camber
 
 def _choose(b: Builder, condition: Block, yes: Block, no: Block) -> Block:
     return b.column([b.call("where", condition, b.element(yes, i), b.element(no, i)) for i in range(yes.shape[0])])
-
-
-def _inverse(b: Builder, x: Block) -> Block:
-    return b.call("div", b.number(1.0), x)
-
-
-def _where_positive(b: Builder, x: Block, value: Block) -> Block:
-    return b.call("where", b.call("lt", b.zero(1), x), value, b.zero(1))

@@ -213,7 +213,8 @@ def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tup
         """All of the start's equations determine a column that needs a result of them, else the given values of its own joints do."""
         is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
         used = leaves | solving if is_solved else leaves
-        given = (i for i, start in enumerate(starts, first_start) if is_solved or leaves.has_joint(start.name.rpartition(".")[0]))
+        joints = ((i, start.name.rpartition(".")[0]) for i, start in enumerate(starts, first_start))
+        given = (i for i, joint in joints if is_solved or leaves.has(f"q:{joint}", f"v:{joint}"))
         settings = range(first_setting, first_start) if is_solved else ()
         return tuple(sorted({*(1 + i for i in used.parameters), *(first_input + i for i in used.inputs), *given, *settings}))
 
@@ -239,10 +240,6 @@ class LeafSymbols:
     def has(self, *prefixes: str) -> bool:
         """Return whether a symbol begins with one of these."""
         return any(symbol.startswith(prefixes) for symbol in self.symbols)
-
-    def has_joint(self, joint: str) -> bool:
-        """Return whether a symbol is a coordinate or speed of a joint."""
-        return self.has(f"q:{joint}", f"v:{joint}")
 
 
 def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:

@@ -120,7 +120,8 @@ def wrench_tangent(
         for key in keys:
             change, k = variations[key].of(wrench), is_embedded[key][0]
             for j in rows:
-                value, xi = b.dot(j.s, change), motions.carrying(is_embedded[key], j)
+                value = b.dot(j.s, change)
+                xi = b.total([b.zero(6), *(m.xi for m in is_embedded[key] if motions.carries(m, j))])
                 if not is_zero(xi):
                     value = b.add(value, b.dot(motion_cross(b, xi, j.s), wrench))
                 if not is_zero(value):

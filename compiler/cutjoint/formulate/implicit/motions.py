@@ -96,10 +96,6 @@ class Motions:
             found.setdefault(motion.key, []).append(motion)
         return found
 
-    def carrying(self, k: Sequence[Motion], j: Motion) -> Block:
-        """The displacement xi of those motions k that displace the column of motion j."""
-        return self.k.builder.total([self.k.builder.zero(6), *(m.xi for m in k if self.carries(m, j))])
-
     def variations(self) -> dict[tuple[int, int], Variation]:
         """The change of blocks with the acceleration of each motion, by its key."""
         inputs = Inputs()

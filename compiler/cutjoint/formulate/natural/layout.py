@@ -16,6 +16,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from cutjoint.elements.joint import SameAttitude
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, requested_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_zero
 from cutjoint.formulate.quantities import needs_place
@@ -198,7 +199,8 @@ class _Builder:
         self._value = value
         order = _outwards(topology)
         self.group_of = grouped(order, ((j.base, j.follower) for j in model.joints if j.element.is_rigid))
-        self._attitude_of = grouped(order, ((j.base, j.follower) for j in model.joints if j.element.constrains_attitude))
+        keep_attitude = (j for j in model.joints if any(isinstance(c, SameAttitude) for c in j.element.conditions))
+        self._attitude_of = grouped(order, ((j.base, j.follower) for j in keep_attitude))
         self._done: set[str] = set()
         self._first_of_attitude: dict[str, str] = {}
         self._bodies_of: dict[str, list[str]] = defaultdict(list)

@@ -53,15 +53,13 @@ def derive_spans(topology: Topology, scene: Scene) -> SpanEquations:
 
 
 def _span(motions: NodeMotions, basis: tuple[Node, ...]) -> Span:
+    b = motions.builder
     point, *others = (Mark(design=motions.vector(node.place), now=motions.node(node).x) for node in basis)
-    return Span(
-        point=point,
-        arms=tuple(_arm(motions.builder, point, m) if n.kind is NodeKind.POINT else m for n, m in zip(basis[1:], others, strict=True)),
-    )  # fmt: skip
-
-
-def _arm(b: Builder, start: Mark, end: Mark) -> Mark:
-    return Mark(design=b.sub(end.design, start.design), now=b.sub(end.now, start.now))
+    arms = (
+        Mark(design=b.sub(mark.design, point.design), now=b.sub(mark.now, point.now)) if node.kind is NodeKind.POINT else mark
+        for node, mark in zip(basis[1:], others, strict=True)
+    )
+    return Span(point=point, arms=tuple(arms))
 
 
 def place_nodes(k: Kinematics, topology: Topology, layout: Layout) -> Iterator[tuple[Node, Block, Block]]:
