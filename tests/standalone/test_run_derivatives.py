@@ -288,6 +288,34 @@ def test_coordinates_are_chosen_again_where_they_become_ill_conditioned() -> Non
     assert found[0] == pytest.approx(found[1], rel=1e-8, abs=1e-8 * np.abs(found[0]).max())
 
 
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4", "dormand-prince"])
+def test_steps_of_settings_that_have_just_changed(integrator: str) -> None:
+    """A host sets the tolerance or the step length in C between steps; the next step is differentiated as all others are."""
+    sim = loaded(OSCILLATOR, "oscillator", "recursive", integrator).reset(dt=H)
+    change = (sim.library.set_tolerance, (1e-9, 1e-9)) if integrator == "dormand-prince" else (sim.library.set_step, (H / 2,))
+    start, found = sim.snapshot(), []
+    for settle in (lambda: None, lambda: sim.forward_sensitivities(0, [], [])):
+        sim.restore(start)
+        sim._call(change[0], *change[1])
+        settle()
+        found.append(sim.forward_sensitivities(1, ["mass.x"], list(sim.states)).derivatives)
+    assert found[0][1] == pytest.approx(fresh_steps(sim, start, change), abs=1e-6)
+    assert (found[0] == found[1]).all()
+
+
+def fresh_steps(sim: cutjoint.Simulation, start: bytes, change: tuple) -> NDArray[np.float64]:  # type: ignore[type-arg]
+    """The derivatives of the first output by the states before a step, from differences."""
+    def course(along: NDArray[np.float64]) -> float:
+        sim.restore(start)
+        sim.set_states(sim.states.array + along)
+        sim._call(change[0], *change[1])
+        sim.step()
+        return sim.outputs["mass.x"]
+
+    h = 1e-5
+    return np.array([[(course(h * unit) - course(-h * unit)) / (2 * h) for unit in np.eye(len(sim.states))]])
+
+
 def test_objectives_have_the_derivatives_of_their_values() -> None:
     sim = loaded(CART, "cart", integrator="rk4").reset(dt=0.005)
     by, objectives = ["k"], ("end", "integral", "mean", "rms", "maximum", "minimum")

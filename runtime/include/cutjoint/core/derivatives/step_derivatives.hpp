@@ -110,6 +110,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
     this->trajectories_ = simulation.trajectories();
     this->along_ = {};
+    simulation.apply_settings();  // the steps that are watched are those of the settings
     simulation.complete_state();
     if constexpr (averages) {
       const auto& newton = simulation.steps().newton();

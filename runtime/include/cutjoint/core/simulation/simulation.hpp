@@ -196,10 +196,13 @@ class Simulation {
   Integrator& steps() { return *steps_; }
   const Integrator& steps() const { return *steps_; }
 
-  /// Apply changes since the last step, as the next step would.
-  void settle() {
-    apply_settings();
-    follow(next_whole());
+  /// Change the step length, on which a given penalty and the frequency may depend, or the tolerance.
+  void apply_settings() {
+    if (settings_.dt == counted_) return;
+    count_from_here();
+    if (settings_.stabilisation.penalty && settings_.stabilisation.closure == Closure::penalty)
+      std::fill(penalties_.begin(), penalties_.end(), Real(*settings_.stabilisation.penalty));
+    load();
   }
 
   /// A step of the settings' length; on failure the state is unchanged.
@@ -481,15 +484,6 @@ class Simulation {
     origin_ = state_.t;
     number_ = 0;
     counted_ = settings_.dt;
-  }
-
-  /// Change the step length, on which a given penalty and the frequency may depend, or the tolerance.
-  void apply_settings() {
-    if (settings_.dt == counted_) return;
-    count_from_here();
-    if (settings_.stabilisation.penalty && settings_.stabilisation.closure == Closure::penalty)
-      std::fill(penalties_.begin(), penalties_.end(), Real(*settings_.stabilisation.penalty));
-    load();
   }
 
   /// Load the mechanism and prepare for steps; the state is unchanged.
