@@ -100,7 +100,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_car_comes_to_rest_wherever_the_ground_lifts_it", "test_a_wheel_whose_forces_read_its_contact_has_it_too",
     ),
     "tests/physics/test_trim_gradients.py": ("test_derivatives_are_exact[text5*]",),
-    "tests/physics/test_trims.py": ("test_exports_say_that_the_start_is_trimmed_once",),
+    "tests/physics/test_trims.py": ("test_c99_says_that_the_start_is_trimmed_once",),
     "tests/physics/test_turn_slip.py": ("test_a_little_camber_acts_as_without_turn_slip",),
     "tests/physics/test_two_track.py": (
         "test_a_car_on_stiff_tyres_is_the_rigid_one[braking*", "test_a_car_on_stiff_tyres_is_the_rigid_one[sine*",

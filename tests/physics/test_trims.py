@@ -13,8 +13,6 @@ from scipy.optimize import fsolve
 
 from cutjoint import find_equilibrium, find_modes, read_model_text
 from cutjoint.cli import main
-from cutjoint.compile.c_export import make_standalone
-from cutjoint.compile.pipeline import generate
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import start_follows_from, trimmed
 from cutjoint.run.simulation import simulate
@@ -134,11 +132,7 @@ def test_a_start_that_is_frozen() -> None:
     assert simulate(compile_scene(frozen, scene), error=False)["way.displacement"][-1] == pytest.approx(20, rel=1e-9)
 
 
-def test_exports_say_that_the_start_is_trimmed_once(tmp_path: Path) -> None:
-    """At compiling and in the header; a scene without a trim has no such words."""
-    model = read_model_text(SLED.replace("scenes:", "scenes:\n  plain: {end: 1}"), "m.yaml")
-    headers = {name: make_standalone(generate(model, model.scenes[name], ())).files["sled.h"] for name in ("plain", "steady")}
-    assert [name for name, header in headers.items() if "trim was solved once, with the parameters" in header] == ["steady"]
+def test_c99_says_that_the_start_is_trimmed_once(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(SPRING)
     said = CliRunner().invoke(main, ["compile", str(tmp_path / "m.yaml"), "--language", "c99", "--out", str(tmp_path / "code")]).output
     assert "the start is trimmed once, with the parameters of the file: preload = -492.4 N" in said

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import sympy
 
 from cutjoint.analysis.closing import (
     Array,
@@ -49,20 +50,24 @@ class _Reached:
         return float(np.linalg.norm(self.left))
 
 
+def with_aims(model: Model, aims: Sequence[tuple[Aim, sympy.Expr]]) -> tuple[Model, tuple[Output, ...]]:
+    """The model with a signal of an expression for each aim, and its output."""
+    signals = tuple(  # no name of a file begins with an underscore
+        Signal(name=f"_aim{i}", symbol=quantity_symbol(f"_aim{i}", VALUE), value=value, unit=aim.unit, span=aim.span, reported=True)
+        for i, (aim, value) in enumerate(aims)
+    )
+    outputs = tuple(Output(element=signal.name, quantity=VALUE, span=signal.span, name=signal.name) for signal in signals)
+    return replace(model, signals=(*model.signals, *signals)), outputs
+
+
 class AimedStart:
     """The places that a scene wants, as functions of the coordinates."""
 
     def __init__(self, model: Model, scene: Scene) -> None:
         self._scene = scene
-        names = [f"{scene.name}:{i}" for i in range(len(scene.assemble))]  # no name of a file has a colon
-        signals = tuple(
-            Signal(name=name, symbol=quantity_symbol(name, VALUE), value=aim.expression, unit=aim.unit, span=aim.span, reported=True)
-            for name, aim in zip(names, scene.assemble, strict=True)
-        )
-        outputs = tuple(Output(element=signal.name, quantity=VALUE, span=signal.span, name=signal.name) for signal in signals)
         acting = replace(scene, switches={force.name: True for force in model.forces})
-        topology = build_topology(replace(model, signals=(*model.signals, *signals)))
-        self._equations = formulate_recursive(topology, acting, outputs)
+        measured, outputs = with_aims(model, [(aim, aim.expression) for aim in scene.assemble])
+        self._equations = formulate_recursive(build_topology(measured), acting, outputs)
 
     def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
         """All coordinates by "joint.coordinate", such that places have the ``wanted`` values.

@@ -31,12 +31,12 @@ from cutjoint.topology.geometry import TOLERANCE, extent
 _Changes: TypeAlias = tuple[dict[str, Array], dict[str, Array]]
 
 #: The parts of a point: changes of coordinates, speeds and states, their rates, multipliers, parameters, inputs.
-MOVES, SPEEDS, RATES, MULTIPLIERS, PARAMETERS, _INPUTS = tuple(range(6))
+MOVES, SPEEDS, RATES, MULTIPLIERS, PARAMETERS, HELD = tuple(range(6))
 #: The functions that have conditions, and their arrays in the order of rows.
 _CONDITIONS = ("dynamic_residual", "constraint_residual", "report")
 _ROWS = ("force_residual", "residual", "rate", "curvature", "column")
 #: The part that a kind of unknowns is in.
-_KINDS = {"position": MOVES, "rate": SPEEDS, "state": SPEEDS, "input": _INPUTS, "parameter": PARAMETERS}
+_KINDS = {"position": MOVES, "rate": SPEEDS, "state": SPEEDS, "input": HELD, "parameter": PARAMETERS}
 ROUNDING, _IDLE = 1e-7, 1e-13  #: rounding: a row's largest derivative as a share of others, a column's
 #: The share of the largest singular value below which one is rounding; numbers without any effect keep their values.
 _SINGULAR = 1e-8
@@ -144,7 +144,7 @@ class TrimEquations:
         y, system = np.zeros(self._first[-1]), self._system
         y[self._part(PARAMETERS)] = [inputs.parameters[name] for name in self._names[PARAMETERS]]
         laws = evaluate_scene_inputs(system, y[self._part(PARAMETERS)], 0.0)
-        y[self._part(_INPUTS)] = laws[INPUTS][:: len(INPUT_ORDERS)] if self._names[_INPUTS] else 0.0
+        y[self._part(HELD)] = laws[INPUTS][:: len(INPUT_ORDERS)] if self._names[HELD] else 0.0
         y[self._part(SPEEDS)] = [inputs.rates.get(name, 0.0) for name in self._names[SPEEDS]]
         of.roll(y, [u.entry for u in of._trim.find if u.kind == "rate" and u.entry not in inputs.rates], self._q, inputs.parameters)
         self._free = np.zeros(len(y), dtype=bool)

@@ -16,6 +16,7 @@ from cutjoint.analysis.closing import Array
 from cutjoint.analysis.linearise import Point, linearise
 from cutjoint.analysis.natural import evaluate_results
 from cutjoint.analysis.trim_equations import (
+    HELD,
     MOVES,
     MULTIPLIERS,
     PARAMETERS,
@@ -28,6 +29,7 @@ from cutjoint.analysis.trim_equations import (
     TrimParts,
 )
 from cutjoint.methods import join_and
+from cutjoint.model.records import Found, SolvedTrim
 from cutjoint.package.renamed import with_old_members
 from cutjoint.program.blocks import Block
 
@@ -71,6 +73,7 @@ class Trimmed:
     rates: Mapping[str, float] = field(repr=False)
     states: Mapping[str, float] = field(repr=False)
     point: Point = field(repr=False, compare=False)
+    solved: SolvedTrim = field(repr=False, compare=False)
 
 
 class TrimmedStart(TrimParts):
@@ -406,4 +409,22 @@ class _Search(TrimEquations):
             },
             steady=linearise(self._system, point, at_rest=False).steady, point=point, from_random_start=self._is_random,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
+            solved=self._solved(at.y, known),
+        )  # fmt: skip
+
+    def _solved(self, y: Array, known: Mapping[str, float]) -> SolvedTrim:
+        kinds = {MOVES: "move", SPEEDS: "rate", PARAMETERS: "parameter", HELD: "input"}
+        listed: dict[Any, float] = {
+            index: known[self._find[name].entry] - y[index] for name, index in self._listed.items() if self._find[name].kind == "position"
+        }
+        found = []
+        for part, kind in kinds.items():
+            names = self._names[SPEEDS if part == MOVES else part]
+            for i in np.flatnonzero(self._free[self._part(part)]) + self._first[part]:
+                size = self._sizes[i] if part == MOVES else max(self._sizes[i], abs(y[i]))
+                begin, lower, upper = (float(listed.get(i, 0.0) + x) for x in (y[i], self._lower[i], self._upper[i]))
+                found.append(Found(kind=kind, name=names[i - self._first[part]], begin=begin, size=float(size), lower=lower, upper=upper))
+        return SolvedTrim(
+            aims=self._of._scene.assemble, found=tuple(found), dependent=frozenset(self._names[SPEEDS][i] for i in self._dependent),
+            unsteady=frozenset(unknown.entry for unknown in self._of._trim.unsteady),
         )  # fmt: skip

@@ -67,7 +67,7 @@ def command(
             else:
                 said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
             options.out.print(said)
-            _print_start(*find_case(stepped, scene))
+            _print_start(*find_case(stepped, scene), is_fixed=language == C99)
             return
         artifact = compile_model(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, adjoint=adjoint, poses=poses,
@@ -76,16 +76,16 @@ def command(
         price = _tunable_cost(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}")
-    _print_start(artifact.topology.model, artifact.scene)
-    if frozen := describe_frozen(freeze_start_parameters(artifact.topology.model, artifact.scene)):
+    _print_start(artifact.topology.model, artifact.scene, is_fixed=False)
+    if frozen := describe_frozen(freeze_start_parameters(artifact.topology.model, artifact.scene, trims=True)):
         options.out.print(f"interface {frozen}")
 
 
-def _print_start(model: Model, scene: Scene) -> None:
-    """Print what the scene's trim finds, with which exported code starts."""
+def _print_start(model: Model, scene: Scene, *, is_fixed: bool) -> None:
+    """Print what the scene's trim finds, with which exported code starts, for other parameters too if it ``is_fixed``."""
     if scene.trim is not None:
         (_, found), *_ = trim_facts(find_trim(model, scene, {})[2])
-        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}")
+        options.out.print(f"the start is trimmed {'once, ' if is_fixed else ''}with the parameters of the file: {found}")
 
 
 def _write_module(
@@ -95,9 +95,9 @@ def _write_module(
     require_zig()
     case, found = find_case(model, scene)
     chosen = with_default_closure(found, method, integrator)
-    case = freeze_start_parameters(case, chosen)
+    case = freeze_start_parameters(case, chosen, trims=True)
     load_events = (linearise or adjoint) and needs_load_events(chosen, method, integrator, equal_steps=True)
-    generated = generate(case, chosen, chosen.outputs, method=method, poses=poses, load_events=load_events)
+    generated = generate(case, chosen, chosen.outputs, method=method, poses=poses, load_events=load_events, trims=True)
     standalone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
     files, module = {**standalone.files, **standalone.module_files}, f"{standalone.name}.wasm"
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])

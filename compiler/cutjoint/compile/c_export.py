@@ -195,11 +195,12 @@ class Standalone:
         }
 
 
-def freeze_start_parameters(model: Model, scene: Scene) -> Model:
-    """The model with parameters ``frozen`` on which only the start of the scene depends.
+def freeze_start_parameters(model: Model, scene: Scene, *, trims: bool = False) -> Model:
+    """The model with parameters ``frozen`` on which only the start of the scene depends; with ``trims`` its trim is solved again.
     Exported code has numbers there, which setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
-    requested = _symbols((start["positions"], start["rates"], scene.assemble, scene.trim)) & {p.symbol for p in tunable_parameters(model)}
+    once = () if scene.trim is not None and trims else (scene.assemble, scene.trim)
+    requested = _symbols((start["positions"], start["rates"], once)) & {p.symbol for p in tunable_parameters(model)}
     if requested:
         states = tuple(replace(state, initial=sympy.Integer(0)) for state in model.states)
         rest = replace(model, parameters=(), derived=(), scenes={}, states=states)

@@ -24,7 +24,7 @@ from cutjoint.topology.build import build_topology
 
 def schedule_method(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
-    poses: bool = False, load_events: bool = False,
+    poses: bool = False, load_events: bool = False, aims: Sequence[Output] = (),
 ) -> tuple[Equations, Program]:  # fmt: skip
     """Derive the equations and the program of a scene, without its source."""
     # Model -> Topology -> Equations -> Program
@@ -32,10 +32,10 @@ def schedule_method(
         from cutjoint.compile.systems import schedule_system  # imported here because the recursive method does not need it
 
         tunable = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
-        start = require_firmness(derive(model, tunable, (), poses=poses), method)
+        start = require_firmness(derive(model, tunable, (), poses=poses, aims=aims), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
     closure = find_closure(scene.numerics, METHODS[method]).name
-    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses, load_events=load_events), method)
+    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses, load_events=load_events, aims=aims), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
 
@@ -52,14 +52,16 @@ def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True
 
 def derive(
     model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
-    load_events: bool = False,
+    load_events: bool = False, aims: Sequence[Output] = (),
 ) -> RecursiveEquations:  # fmt: skip
     """Derive the recursive equations of a model, from which the runs of every method start; errors as in `compile_scene`.
     If a misfit within the scene's accuracy would lock loops, it is removed with a warning; one that leaves no motion is reported."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
     for words in describe_guide_jumps(topology.model, scene, accuracy_of(scene)):
         warn(words, stacklevel=2)
-    equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
+    equations = formulate_recursive(
+        topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events, aims=tuple(aims)
+    )  # fmt: skip
     words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
     if not words:
         return equations
@@ -68,7 +70,7 @@ def derive(
     warn(words, stacklevel=2)
     if exact is topology.model:
         return equations
-    return derive(exact, scene, outputs, closure=closure, poses=poses, load_events=load_events)
+    return derive(exact, scene, outputs, closure=closure, poses=poses, load_events=load_events, aims=aims)
 
 
 def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:

@@ -14,6 +14,7 @@ from math import inf
 from time import perf_counter
 from typing import Any
 
+from cutjoint.analysis.aims import with_aims
 from cutjoint.compile.c_export import freeze_start_parameters, needs_load_events, plan_export
 from cutjoint.compile.derivation import emit_scheduled, fallback, schedule_method
 from cutjoint.compile.interpreted import compile_interpreted, interpreted_by
@@ -91,7 +92,8 @@ def compile_scene(
 
 def _frozen_for_export(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
     """Source with start-only parameters as constants if the export allows it, else ``generated``."""
-    hosted = freeze_start_parameters(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
+    is_hosted = options.out is not None and options.precision == DEFAULT_PRECISION
+    hosted = freeze_start_parameters(model, scene, trims=True) if is_hosted else model
     return _generate(hosted, scene, options) if hosted.frozen else generated
 
 
@@ -99,22 +101,28 @@ def _generate(model: Model, scene: Scene, options: CompileOptions) -> Generated:
     derives = options.out is not None and (options.linearise or options.adjoint)
     return generate(
         model, scene, scene.outputs if options.outputs is None else options.outputs, method=options.method, lanes=options.lanes,
-        precision=options.precision, poses=options.poses,
+        precision=options.precision, poses=options.poses, trims=options.out is not None,
         load_events=derives and needs_load_events(scene, options.method, options.integrator, equal_steps=True),
     )  # fmt: skip
 
 
 def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
-    precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
+    precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False, trims: bool = False,
 ) -> Generated:  # fmt: skip
     """Derive the equations and the source. A scene's trim is solved once, here. With ``lanes``, isomorphic subtrees are evaluated together
     in SIMD registers. ``poses`` adds a function for poses of bodies. With ``load_events``, steps end where the load of a friction force
-    passes zero. Raises EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`."""
+    passes zero. ``trims`` adds what a simulation needs to solve the trim for other parameters. Raises EquationsError: a derivative is
+    needed that the code of a function does not have; others as of `compile_scene`."""
     lanes = lanes and PRECISIONS[precision].packed
     model, scene, _ = trimmed(model, scene, {})
+    solved = scene.solved_trim if trims else None
+    scene = replace(scene, solved_trim=solved)
+    model, aims = with_aims(model, [(aim, aim.expression - aim.value) for aim in (() if solved is None else solved.aims)])
     try:
-        equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses, load_events=load_events)
+        equations, program = schedule_method(
+            model, scene, outputs, method=method, lanes=lanes, poses=poses, load_events=load_events, aims=aims
+        )  # fmt: skip
         return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
     except MissingPartialsError as error:
         place = next(f.span for f in model.functions if f.name == error.function)

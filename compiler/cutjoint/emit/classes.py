@@ -45,6 +45,7 @@ _ABOUT = {
     "apply_jacobian_transposed": "Phi_q^T w.",
     "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
+    "aims": "What is left to the conditions of a trimmed start, besides rates of zero.",
     "energy": "Kinetic energy, and, unless vdot is v itself, the power of all forces, guides and drives.",
     "sample": "The next discrete states of controllers.",
     POSES: "Position, rotation by columns, velocity, angular velocity and design point of each body, marker and contact.",
@@ -204,7 +205,7 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
     if conditions == "bool" and computes_energy(parts):
         unused -= {"energy"}  # of one instance at a time
     if conditions != "bool":
-        unused |= {POSES}
+        unused |= {POSES, "aims"}
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "indicators": source.indicators_of(equations),

@@ -24,12 +24,13 @@ from cutjoint.formulate.transposed import Linearised
 from cutjoint.methods import CLOSURES, METHODS, STEPS, Formulation, Steps
 from cutjoint.model.expressions.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
-from cutjoint.model.records import Scene
+from cutjoint.model.records import Scene, SolvedTrim
 from cutjoint.package.locations import licence
 from cutjoint.topology.geometry import extent
 
 #: Headers of the runtime: all that a simulation needs except its integrator and lanes.
 _CORE = "cutjoint/core/simulation/checked_simulation.hpp"
+_TRIMMING = "cutjoint/core/simulation/trimming.hpp"
 _LANES = "cutjoint/core/numbers/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/simulation/checked_minimal.hpp"
 _STEP_DERIVATIVES = "cutjoint/core/derivatives/step_derivatives.hpp"
@@ -167,7 +168,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     more = [*derivatives, *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
     fits = [_FITS] if parts.mechanism.fits else []
-    return [*lanes, *supplied, *fits, _CORE, steps.header, *more]
+    trims = [_TRIMMING] if parts.mechanism.scene.solved_trim else []
+    return [*lanes, *supplied, *fits, _CORE, steps.header, *more, *trims]
 
 
 def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, object]:
@@ -203,7 +205,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "settings": _settings(defaults), "by_step": _by_step(equations.scene), "tables": tables,
         "violation_limits": _violation_limits(equations, defaults.parameters),
         "end": repr(float(defaults.end)), "output_step": repr(float(defaults.output_step)),
-        "frozen": model.frozen, "trimmed": equations.scene.is_trimmed,
+        "frozen": model.frozen, "trim": _trim(start, equations.scene.solved_trim, defaults),
         "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": next((i for i in range(len(equations.inputs)) if i not in guiding), None),
@@ -213,6 +215,27 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "rates": _indexed_values(defaults.rates, start.speed_names),
         "near": [start.coordinate_names.index(name) for name in defaults.near],
         **_roads(equations, defaults), "lays_roads": False,
+    }  # fmt: skip
+
+
+def _trim(start: RecursiveEquations, solved: SolvedTrim | None, defaults: Defaults) -> dict[str, object] | None:
+    """What the start of a trimmed scene finds, and what it holds."""
+    if solved is None:
+        return None
+    names = {"move": start.speed_names, "rate": start.speed_names, **{
+        kind: [p.name for p in every] for kind, every in (("input", start.inputs), ("parameter", start.parameters))
+    }}  # fmt: skip
+    kept = [each for each in solved.found if each.name in names[each.kind]]
+    moves, rates = ({each.name for each in kept if each.kind == kind} for kind in ("move", "rate"))
+    coordinates = [
+        chart.v + (i if i < chart.scalars else chart.scalars) for chart in start.charts for i in range(chart.scalars + 4 * chart.ball)
+    ]
+    return {
+        "found": [{**vars(each), "index": names[each.kind].index(each.name)} for each in kept], "aims": len(solved.aims),
+        "coordinates": [_bool(start.speed_names[v] in moves) for v in coordinates],
+        "speeds": [_bool(name in rates or name in solved.dependent) for name in start.speed_names],
+        "follows": [_bool(name in solved.dependent) for name in start.speed_names],
+        "steady": [_bool(name not in solved.unsteady) for name in start.speed_names],
     }  # fmt: skip
 
 
@@ -293,6 +316,8 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "guard_names": [guard.name for guard in guards], "guard_places": [source.quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
+    if solved := equations.scene.solved_trim:
+        tables |= {"aim_names": [a.name for a in solved.aims], "aim_places": [source.quotable(a.span.place) for a in solved.aims]}
     if controllers := equations.topology.model.controllers:
         places = [source.quotable(c.span.place) for c in controllers]
         tables |= {"controller_names": [c.name for c in controllers], "controller_places": places}

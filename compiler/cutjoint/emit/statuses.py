@@ -62,5 +62,6 @@ STATUSES = {
         ("simultaneous_events", "two events coincide, and a small change would separate them: the run has no derivative"),
         ("speeds_jump", "velocities jump at an event: the run has no derivative"),
         ("event_at_step_end", "an event lies exactly where a step ends or a sample is taken: the run has no derivative"),
+        ("no_trim", "no start near that of the model file meets the conditions of the trim"),
     ), start=1)
 }  # fmt: skip

@@ -159,15 +159,24 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
     return tuple(charts)
 
 
-def column_slots(outputs: tuple[Output, ...]) -> dict[str, Slot]:
+def column_slots(outputs: tuple[Output, ...], array: str = "column") -> dict[str, Slot]:
     """The places of the reported columns."""
-    return {f"column:{o.column}": Slot(array="column", offset=i, names=(o.column,)) for i, o in enumerate(outputs)}
+    return {f"{array}:{o.column}": Slot(array=array, offset=i, names=(o.column,)) for i, o in enumerate(outputs)}
 
 
-def report_columns(builder: Builder, quantity: Callable[[Output], Block], outputs: tuple[Output, ...]) -> dict[str, Block]:
+def report_columns(
+    builder: Builder, quantity: Callable[[Output], Block], outputs: tuple[Output, ...], array: str = "column"
+) -> dict[str, Block]:  # fmt: skip
     """The result of each column."""
     columns = {o: quantity(o) for o in outputs}
-    return {f"column:{o.column}": x if o.factor == 1 else builder.scale(builder.number(o.factor), x) for o, x in columns.items()}
+    return {f"{array}:{o.column}": x if o.factor == 1 else builder.scale(builder.number(o.factor), x) for o, x in columns.items()}
+
+
+def aims_function(builder: Builder, quantity: Callable[[Output], Block], aims: tuple[Output, ...]) -> tuple[Function, ...]:
+    """The function of the residuals of a trimmed start's ``aims``, if it has some."""
+    arguments = ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda", "Real* aim")
+    results = report_columns(builder, quantity, aims, "aim")
+    return (Function(name="aims", arguments=arguments, results=results),) if aims else ()
 
 
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:

@@ -15,7 +15,7 @@ from cutjoint.topology.records import Topology
 _OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events", FORCE_RESIDUAL})
 
 #: Functions that compute the multipliers of embedded loops, which is slow without lanes.
-_WITH_MULTIPLIERS = frozenset({"report", "energy"})
+_WITH_MULTIPLIERS = frozenset({"report", "aims", "energy"})
 
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:

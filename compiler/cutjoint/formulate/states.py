@@ -17,7 +17,7 @@ from cutjoint.program.lower import reachable_blocks
 
 #: A row and a column of the tangent, and the entry there.
 Entry = tuple[int, int, Block]
-_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})  #: functions that evaluate a motion without changing it
+_OBSERVING = frozenset({SAMPLE, "report", "aims", "energy", "domains", POSES})  #: functions that evaluate a motion without changing it
 
 
 def state_rates(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:

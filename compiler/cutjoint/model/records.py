@@ -601,13 +601,36 @@ class Trim:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Found:
+    """A number that a trim has found, SI units: its value, ``begin``, the ``size`` of its changes, and its bounds.
+    ``kind``: "move", the coordinate of the speed ``name``, which has a value only if it is listed, "rate", "input" or "parameter"."""
+
+    kind: str
+    name: str
+    begin: float
+    size: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedTrim:
+    """A trimmed start: the ``aims`` besides rates of zero, what was ``found``, velocities that follow from loops, and ``unsteady`` ones."""
+
+    aims: tuple[Aim, ...]
+    found: tuple[Found, ...]
+    dependent: frozenset[str]
+    unsteady: frozenset[str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
     * ``pose``: "design" or "equilibrium"; ``positions``, ``rates``: by ``joint.coordinate``; an attitude by ``joint.e0`` to ``joint.e3``,
       the quaternion from the follower's axes to the base's, of length one within `UNIT_BOUND`; ``near``: positions that are initial guesses
     * ``assemble``: conditions on the start with closed loops, after which ``positions`` are all coordinates; ``trim``: the steady start,
-      ``is_trimmed`` once it is found
+      ``solved_trim`` once it is found
     * ``starts``: initial values of first-order states by their places; ``entries``: places by "section.joint.coordinate"
     * ``inputs``: expressions of ``t``, parameters' values by default; ``switches``: forces on or off; ``guides``: of joints that the scene
       locks or drives, None of released ones
@@ -640,7 +663,7 @@ class Scene:
     assemble: tuple[Aim, ...] = ()
     near: tuple[str, ...] = ()
     trim: Trim | None = None
-    is_trimmed: bool = field(default=False, compare=False)
+    solved_trim: SolvedTrim | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

@@ -146,8 +146,8 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float], by: Sequ
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
     parameters = tuple(replace(p, value=found.unknowns.get(p.name, problem.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
-        begun, trim=None, is_trimmed=True, assemble=(), near=(), positions=_numbers(found.coordinates), rates=_numbers(found.rates),
-        starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
+        begun, trim=None, solved_trim=found.solved, assemble=(), near=(), positions=_numbers(found.coordinates),
+        rates=_numbers(found.rates), starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
     )  # fmt: skip
     return replace(model, parameters=parameters), start, found
 

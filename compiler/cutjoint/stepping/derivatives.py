@@ -199,7 +199,7 @@ class Derivatives(Linear):
         """
         require_list("by", by)
         if self.library.is_trimmed:
-            raise ValueError("the start is trimmed once, with the parameters of the file; find_trim(..., by=[...]) has its derivatives")
+            raise ValueError("the start is trimmed; find_trim(..., by=[...]) has its derivatives")
         here, q = self.snapshot(), self.coordinates.array.copy()
         found = self.reset().coordinates.array.copy()
         self.restore(here)

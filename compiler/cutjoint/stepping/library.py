@@ -96,8 +96,8 @@ class Library:
     ``size`` (bytes), ``equations``, ``dofs`` (None without derivatives), ``states`` (of first order), ``seed_rows`` (of a seed matrix) and
     ``record`` (of a run) are numbers of the ``header``.  ``steps`` are the properties of the integrator, ``settings`` those of a
     simulation's start.  ``lanes`` steps several simulations together, None if the method cannot.  ``functions`` are host functions by
-    name.  ``find_start`` computes the coordinates and speeds of the scene's start if they depend on changed parameters; the start
-    ``is_trimmed`` once.
+    name.  ``find_start`` computes the coordinates and speeds of the scene's start if they depend on changed parameters, but for
+    what the simulation finds itself where the start ``is_trimmed``.
 
     Raises:
         OSError: the file is no library.

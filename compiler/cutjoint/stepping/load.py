@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,7 @@ def load_scene(
         raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
     scene = with_default_closure(scene, method, integrator)
     load_events = (linearise or adjoint) and needs_load_events(scene, method, integrator)
-    generated = generate(model, scene, scene.outputs, method=method, poses=poses, load_events=load_events)
+    generated = generate(model, scene, scene.outputs, method=method, poses=poses, load_events=load_events, trims=True)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise, adjoint=adjoint)
     standalone = alone()
 
@@ -72,8 +73,9 @@ def load_scene(
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # a host function belongs to one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
-    changes = scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene))
-    find_start = partial(_find_start, model, scene) if changes else None
+    given = scene if scene.trim is None else replace(scene, trim=None, assemble=())
+    changes = {"positions", "rates"} & set(changing_parts(model, given))
+    find_start = partial(_find_start, model, given) if changes else None
     more = {"lanes": lanes, "functions": hosted, "find_start": find_start, "is_trimmed": scene.trim is not None}
     return open_standalone(standalone, standalone.build_library(flags), standalone.library.files, **more)
 

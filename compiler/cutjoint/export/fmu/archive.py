@@ -157,8 +157,8 @@ def make_fmu(
     method = method or method_of(scene, (DEFAULT_METHOD,) if KINDS[kind][1] else METHODS)
     _require_method(method, kind)
     scene = with_default_closure(scene, method, integrator)
-    model = freeze_start_parameters(model, scene)
-    generated = generate(model, scene, scene.outputs, method=method, poses=poses)
+    model = freeze_start_parameters(model, scene, trims=True)
+    generated = generate(model, scene, scene.outputs, method=method, poses=poses, trims=True)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
     standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1], derives_steps=False)
@@ -173,7 +173,7 @@ def make_fmu(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
         stops_at_events=stops, steps=", ".join(filter(None, (
             str(standalone.settings) if KINDS[kind][0] else "", describe_frozen(model),
-            "" if scene.trim is None else "its start trimmed once, with the parameters of the file",
+            "" if scene.trim is None else "its start trimmed again for other parameters",
         ))),
     )  # fmt: skip
     return Fmu(

@@ -49,13 +49,13 @@ def resolving_body(topology: Topology) -> str:
 
 def formulate_recursive(
     topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
-    load_events: bool = False,
+    load_events: bool = False, aims: tuple[Output, ...] = (),
 ) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of cut joints, and outputs.
 
     * ``evaluate``: q, v, lambda -> vdot and the correction of the multipliers
     * ``constraint_residual``: q, v -> residual and rate; ``project``: q, violation -> the displacement of least mass-weighted norm
-    * ``report``, ``energy``, ``sample``: q, v, vdot, lambda -> outputs; kinetic energy and power; next discrete states
+    * ``report``, ``aims``, ``energy``, ``sample``: q, v, vdot, lambda -> outputs, ``aims``; kinetic energy and power; next discrete states
     * ``guard``, ``events``: q, v -> margins; indicators; ``domains``: q, v, lambda -> margins of arguments of laws
     * ``scene_inputs``: t -> inputs; with ``poses`` the function of that name
 
@@ -68,7 +68,7 @@ def formulate_recursive(
     system = BodySystem(builder=b)
     k.rotors = find_rotors(k, model)
     add_bodies(system, k, model)
-    forces = add_forces(system, k, model, scene, outputs)
+    forces = add_forces(system, k, model, scene, (*outputs, *aims))
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
@@ -123,6 +123,7 @@ def formulate_recursive(
         Function(name="project", arguments=("const Real* q", "const Real* violation", "Real* dz"), results={
             **{f"dz:{c.joint}": step[c.joint] for c in charts}, **still_states(b, model, "dz"),
         }),
+        *inputs.aims_function(b, reporter.quantity, aims),
         *guard_function(margins),
         *events_function(indicators),
         *domains_function(domains),
@@ -138,6 +139,7 @@ def formulate_recursive(
         slots={
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
             **layout.closure_slots(("lambda", "correction", "residual", "rate", "violation")), **inputs.column_slots(outputs),
+            **inputs.column_slots(aims, "aim"),
             **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains), **laws.slots, **energy_slots(),
             **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),

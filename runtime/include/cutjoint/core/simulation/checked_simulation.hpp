@@ -12,6 +12,17 @@ namespace cutjoint {
 /// Statuses of calls: 0, negative for a rejected call, positive for causes of faults of the motion.
 enum CallStatus : int { call_ok = 0, no_simulation = -1, no_such_index = -2, not_started = -3, not_finite = -4, no_array = -5, time_passed = -6 };
 
+/// A number that a trimmed start finds: the index of a speed whose coordinate moves, or that is a rate itself, of an input or a parameter; its value in the
+/// start of the file, the size of its changes, and its bounds.
+struct TrimmedNumber {
+  enum Kind { move, rate, input, parameter } kind;
+  int index;
+  double begin, size, lower, upper;
+};
+
+template <class Model>
+class Trimming;
+
 /// A start value: the index of a coordinate or velocity, -1 at the end of a list, and its value.
 struct StartValue {
   int index;
@@ -219,7 +230,11 @@ class CheckedSimulation {
     return call_ok;
   }
 
-  static int start(CheckedSimulation* s) { return holds_one(s) ? status_of(s, s->sim.start()) : no_simulation; }
+  static int start(CheckedSimulation* s) {
+    if (!holds_one(s)) return no_simulation;
+    if constexpr (requires { typename Model::Trim; }) return status_of(s, Trimming<Model>(*s).start());
+    else return status_of(s, s->sim.start());
+  }
 
   static int step(CheckedSimulation* s) { return when_started(s, [s] { return s->sim.step(); }); }
 
@@ -346,6 +361,9 @@ class CheckedSimulation {
       case FaultList::indicators: look_up(Model::event_names, Model::event_locations); break;
       case FaultList::controllers:
         if constexpr (requires { Model::controller_names; }) look_up(Model::controller_names, Model::controller_places);
+        break;
+      case FaultList::aims:
+        if constexpr (requires { typename Model::Trim; }) look_up(Model::aim_names, Model::aim_places);
         break;
       case FaultList::limits: name = element_of(limit_names, fault.index); break;
       case FaultList::none: break;

@@ -10,11 +10,12 @@ enum class Cause : int {
   no_equilibrium, guard_violated, tolerance_not_met, stiff, accelerations_not_finite, chattering, too_many_steps, mass_matrix_singular,
   newton_not_converged, newton_diverging, newton_infinite, forces_not_finite, tangent_not_finite, equations_not_finite, tangent_singular,
   tangent_not_positive, pose_singular, start_not_converged, start_inconsistent, stages_not_found, stage_not_converged, loops_violated,
-  step_size_too_small, sample_not_finite, limit_exceeded, step_subdivided, simultaneous_events, speeds_jump, event_at_step_end
+  step_size_too_small, sample_not_finite, limit_exceeded, step_subdivided, simultaneous_events, speeds_jump, event_at_step_end,
+  no_trim
 };
 
 /// The list that contains the number that failed most; `states` are speeds that are first-order states.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7, states = 8 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7, states = 8, aims = 9 };
 
 /// A failure: none if the cause is none. `index` is the place of the worst number in its list, `value` its residual (SI units), `size` the
 /// bound, `iterations` their number, `closer` whether the last iterations still reduced it, `equation` that of a violation beyond a limit. Lists are those
@@ -60,6 +61,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::mass_matrix_singular: return "the equations of motion cannot be solved";
     case Cause::too_many_steps: return "a call would take more steps than it may";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
+    case Cause::no_trim: return "no start near that of the model file meets the conditions of the trim, within the bounds of what is found";
     case Cause::newton_not_converged: return "Newton's iteration did not converge";
     case Cause::newton_diverging: return "Newton's iteration diverges";
     case Cause::newton_infinite: return "Newton's iteration diverged to infinity";
@@ -118,6 +120,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::no_equilibrium:
       if (fault.list == FaultList::states) return "the rate of this state does not vanish at rest, as of an integral or a cost: give a state far from 1 its nominal value, leave the state out of the model, or linearise about a motion";
       return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free coordinate has a spring or a given value, and which coordinates are given";
+    case Cause::no_trim: return "cutjoint equilibrium, with the same values, searches further and says what is possible; set inputs that disturb the motion after the start";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
     case Cause::newton_infinite: return advice_of_newton(fault);

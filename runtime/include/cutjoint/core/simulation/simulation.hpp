@@ -143,12 +143,25 @@ class Simulation {
 
   /// Find a consistent state.
   Fault start() {
+    StateOf<M> begun = start_;
+    if (const Fault fault = place(begun)) return fault;
+    penalties_ = initialisation_->penalties();
+    take_over(begun);
+    count_from_here();
+    load();
+    if constexpr (has_system)
+      if (const Fault fault = steps_->accelerate(state_, initialisation_->starter())) return fault;
+    is_started_ = true;
+    return sample();
+  }
+
+  /// Find a consistent state of the mechanism from start values, with accelerations before the first samples; the simulation stops.
+  Fault place(StateOf<M>& begun) {
     is_started_ = false;
     steps_to_measurement_ = 1;
     inputs_.begin(state_.t);
     smoothed_.begin(inputs_);
     sampling_.begin();
-    StateOf<M> begun = start_;
     if (settings_.equilibrium)
       for (std::size_t i = start_sizes.joint_speeds(); i < start_sizes.speeds; ++i)
         if (given_speeds_[i]) begun.v[i] = Real(0);  // first-order states that are given count once the pose is found
@@ -157,14 +170,7 @@ class Simulation {
     for (std::size_t i = 0; i < start_sizes.speeds; ++i)  // a pose at rest has no speeds, and its own first-order states but for given ones
       if (i < start_sizes.joint_speeds() || given_speeds_[i]) begun.v[i] = start_.v[i];
     if (const Fault fault = how.move(begun, given_speeds_)) return at_start(fault);
-    penalties_ = how.penalties();
-    take_over(begun);
-    count_from_here();
-    load();
-    if constexpr (has_system)
-      if (const Fault fault = steps_->accelerate(state_, how.starter())) return fault;
-    is_started_ = true;
-    return sample();
+    return {};
   }
 
   /// Begin at a start in the coordinates of the mechanism that found it, with its penalties; `motion` is 0 at rest. If controllers have `discrete`
