@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import copysign, inf, log10
+from math import copysign, inf, lcm, log10
 
 import numpy as np
 
@@ -352,7 +352,15 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
-    """The run with refined steps and samples at the same times, its iterations too unless rounding prevents that; None if it fails."""
+    """The run with refined steps and samples at the same times, its iterations too unless rounding prevents that.
+
+    None if it fails, or if no sample of the run is at the end of one of its steps, except the first.
+    """
+    if times < 0 and change is SHORTER:
+        file, longer = plan.run_file, 2**-times
+        steps = count_steps(file.settings.dt, file.end, file.output_step)
+        if steps.number % longer and lcm(steps.stride, longer) > steps.number:
+            return None
     shares = (_FOR_ESTIMATE, _IN_SEQUENCE, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
     runs = (_completed(_finer(plan, change, times, share)) for share in shares)
     return next((run for run in runs if run is not None), None)
@@ -390,7 +398,8 @@ def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_
     steps = count_steps(settings.dt, run_file.end, run_file.output_step)  # to the same end, which can lie beyond that of the settings
     finer = replace(settings, dt=settings.dt * factor)
     finer = _iterated_further(finer, times, further) if times > 0 else finer
-    return replace(plan, run_file=replace(run_file, settings=finer, end=settings.dt * steps.number, output_step=settings.dt * steps.stride))
+    output_step = settings.dt * lcm(steps.stride, 2 ** max(0, -times))  # where steps of both end
+    return replace(plan, run_file=replace(run_file, settings=finer, end=settings.dt * steps.number, output_step=output_step))
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
