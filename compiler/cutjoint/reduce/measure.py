@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from math import ceil, inf
 from typing import Any
 
-import numpy as np
-
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
@@ -19,7 +17,7 @@ from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.results import Trajectory
+from cutjoint.run.results import Trajectory, distance_of
 from cutjoint.run.run_file import fitting_interval
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import accuracy_of
@@ -114,7 +112,7 @@ def distance(run: Trajectory, reference: Trajectory) -> float:
         raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
     if run.failure is not None or len(run.t) != len(reference.t):
         return inf
-    return max(PLACES[reference.units[name]] * float(np.abs(run[name] - reference[name]).max()) for name in names)
+    return max(PLACES[reference.units[name]] * float(distance_of(name, run[name], reference[name]).max()) for name in names)
 
 
 def measure_reduced(

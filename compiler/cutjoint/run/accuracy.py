@@ -14,7 +14,7 @@ from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import retry_failed
 from cutjoint.run.outputs import is_stream
 from cutjoint.run.record import Settings
-from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
+from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory, distance_of
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
@@ -417,7 +417,7 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
     times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
     smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
-    difference = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
+    difference = {name: distance_of(name, one[name][here], other[name][there])[smooth] for name in one.columns}
     return {name: float(np.max(apart, initial=0.0)) for name, apart in difference.items()}
 
 

@@ -7,9 +7,7 @@ import numpy as np
 
 from cutjoint.model.expressions.units import Measure, UnitError, display_units, kind_of_unit, measure
 from cutjoint.package.errors import RunError
-
-#: Euler angles of bodies, which jump by a turn.
-_WRAPPED = (".yaw", ".roll")
+from cutjoint.run.results import WRAPPED
 
 
 def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
@@ -26,7 +24,7 @@ def in_units(columns: Mapping[str, Any], units: Mapping[str, str], wanted: Seque
     Raises RunError: as for `read_units`."""
     found, converted, names = read_units(wanted), dict(columns), dict(units)
     for name, unit in units.items():
-        if unit == "rad" and name.endswith(_WRAPPED) and np.ndim(converted[name]):
+        if unit == "rad" and name.endswith(WRAPPED) and np.ndim(converted[name]):
             converted[name] = np.unwrap(converted[name])
         for other, one in found.items():
             if _fits(one, other, unit):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
-from math import nan
+from math import nan, pi
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -32,6 +32,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 #: The name of the time column of a table.
 TIME = "t"
+#: Euler angles of bodies, which jump by a turn.
+WRAPPED = (".yaw", ".roll")
 #: The beginning of untried advice.
 UNTRIED = "try: "
 #: The number of columns that a `repr` names.
@@ -54,6 +56,12 @@ def _listed(columns: Iterable[str]) -> str:
     names = list(columns)
     more = [f"{len(names) - _NAMED} more"] if len(names) > _NAMED else []
     return ", ".join([*names[:_NAMED], *more]) or "none"
+
+
+def distance_of(column: str, one: Array, other: Array) -> Array:
+    """How far two series of a column are apart, each sample; roll and yaw of a body at most half a turn."""
+    apart = np.abs(one - other)
+    return np.abs(apart - 2 * pi * np.rint(apart / (2 * pi))) if column.endswith(WRAPPED) else apart
 
 
 @with_old_members
