@@ -167,7 +167,10 @@ def _ordered(modes: list[Mode]) -> tuple[Mode, ...]:
 
 def _shape(of: Linearisation, x: Complex | Array, rate: float = 1.0) -> Mapping[str, Participant]:
     shares = np.real(np.conj(x) * (of.M @ x)) / np.concatenate([np.ones(len(of.M) - of.states), (rate * of.sizes) ** 2])
-    followed = np.where(_followed(of), shares, 0.0)
+    # unknowns that no other depends on, such as bristles of inactive friction, make no mode
+    first = len(of.M) - of.states
+    affects = np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
+    followed = np.where(affects, shares, 0.0)
     shares = followed if followed.any() else shares
     shares /= shares.sum()
     dominant = int(np.flatnonzero(shares > (1 - _ALIKE) * shares.max())[0])
@@ -175,12 +178,6 @@ def _shape(of: Linearisation, x: Complex | Array, rate: float = 1.0) -> Mapping[
     return {
         name: Participant(amplitude=complex(a), share=float(share)) for name, a, share in zip(of.names, amplitudes, shares, strict=True)
     }
-
-
-def _followed(of: Linearisation) -> NDArray[np.bool_]:
-    """The unknowns that others depend on: states without such dependence, such as bristles of inactive friction, make no mode."""
-    first = len(of.M) - of.states
-    return np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
 
 
 def _rigid_body_modes(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:

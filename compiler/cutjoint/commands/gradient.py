@@ -63,8 +63,9 @@ def command(
             sim.inputs[name] = float(values[name])
     sim.reset(dt=dt)
     sim.choose_independent()
-    steps = _count_steps(sim, chosen.end if end is None else end, chosen.output_step)
-    run = _Run(sim, objective, list(requested) or list(sim.outputs), *steps)
+    every, length = max(1, round(chosen.output_step / sim.settings.step)), (chosen.end if end is None else end) - sim.time
+    steps = every * max(1, round(length / sim.settings.step / every))
+    run = _Run(sim, objective, list(requested) or list(sim.outputs), steps, every)
     names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
     if not names and objective == "event":
         raise RunError(f"{model.name} has no parameter or input that could change its event: add --tunable, or name states with --by")
@@ -204,11 +205,6 @@ class _Run:
         times = np.linspace(sim.time, self.end, self.steps // self.every + 1)
         rows = np.vstack([sim.outputs.array, sim.run(self.steps)[self.every - 1 :: self.every]])[:, places]
         return weigh(self.objective, times, rows, self.outputs)[0]
-
-
-def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, int]:
-    every = max(1, round(output_step / sim.settings.step))
-    return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
 def _without_driven_inputs(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:

@@ -17,7 +17,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Defaults, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.sizes import simulation_size
-from cutjoint.emit.source import Generated, Page, Source
+from cutjoint.emit.source import Generated, Page, Source, environment
 from cutjoint.emit.standalone import digest_of, emit_standalone
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.implicit.equations import formulate_residual
@@ -151,8 +151,9 @@ class Standalone:
         """The settings of its steps until a host changes them."""
         return StepSettings.of(self.run_file.settings)
 
-    def with_code(self, text: str) -> "Standalone":
-        """Copy the folder with more code in its library."""
+    def with_code(self, template: str, **view: object) -> "Standalone":
+        """Copy the folder with more code in its library, by a template."""
+        text = environment().get_template(template).render(p=self.name, P=self.name.upper(), **view)
         return replace(self, code=self.code + text)
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:

@@ -351,15 +351,10 @@ class JointElement:
         """Return whether functions of time can prescribe the joint's whole motion."""
         return bool(self.coordinates) and not self.has_ball
 
-    @property
-    def reverses_chain(self) -> bool:
-        """Return whether a reversed joint has its motions in the opposite order; the order of motions about one direction is free."""
-        directions = {getattr(m, "direction", None) for m in self.chain}
-        return not self.from_inner and len(directions) > 1
-
     def chain_from_inner(self, is_reversed: bool) -> tuple[Motion, ...]:
-        """The chain of motions from the inner body on."""
-        return self.chain[::-1] if is_reversed and self.reverses_chain else self.chain
+        """The chain of motions from the inner body on; the order of motions about one direction is free."""
+        directions = {getattr(m, "direction", None) for m in self.chain}
+        return self.chain[::-1] if is_reversed and not self.from_inner and len(directions) > 1 else self.chain
 
     def slide_direction(self, coordinate: str) -> Direction:
         """The direction along which a displacement counts."""
@@ -381,11 +376,6 @@ class JointElement:
     def shared_direction(self) -> Direction | None:
         """The direction that both bodies have in common, if there is one."""
         return next((c.direction for c in self.conditions if isinstance(c, SameDirection)), None)
-
-    @property
-    def constrains_points_only(self) -> bool:
-        """Return whether the joint constrains points and no direction."""
-        return self.closes and all(isinstance(c, SamePoint | SameDistance) for c in self.conditions)
 
     @property
     def constrains_one_rotation(self) -> bool:

@@ -80,7 +80,10 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                     known[n] = name
         tables.append(tuple(front_names))
         fronts.append(tuple(front_lines))
-    copies = tuple(tuple((_element(arrays[c.loop, c.statement], c.place), c.node) for c in loop.copies) for loop in rolled.loops)
+    copies = tuple(
+        tuple((f"{name}[{c.place + front}]", c.node) for c in loop.copies for name, front in [arrays[c.loop, c.statement]])
+        for loop in rolled.loops
+    )
     return LoopText(
         arrays=tuple(declared), known=known, elements=elements, names=named, tables=tuple(tables), copies=copies, fronts=tuple(fronts),
     )  # fmt: skip
@@ -94,11 +97,6 @@ def _heading(loop: Loop) -> tuple[str, ...]:
     if loop.count % loop.lanes == 0:
         return (f"for (int k = 0; k < {loop.count}; k += {loop.lanes}) {{",)
     return f"for (int first = 0; first < {loop.count}; first += {loop.lanes}) {{", f"  const int k = first < {last} ? first : {last};"
-
-
-def _element(array: tuple[str, int], place: int) -> str:
-    name, front = array
-    return f"{name}[{place + front}]"
 
 
 def index(step: Step) -> str:

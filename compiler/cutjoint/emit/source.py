@@ -123,7 +123,9 @@ class Page:
 
     def source(self, files: Mapping[str, str], driver: str) -> Source:
         """The finished files."""
-        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=driver)
+        content = "\0".join(f"{name}\0{without_mark(text)}" for name, text in sorted(files.items()))
+        digest = hashlib.sha256(content.encode()).hexdigest()
+        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=digest, driver=driver)
 
 
 def nominals_of(equations: RecursiveEquations | SystemEquations) -> list[float]:
@@ -224,11 +226,6 @@ def name_of_transposed(name: str) -> str:
 def name_of_residual(name: str) -> str:
     """The class of the derivatives of a mechanism's force residual, by that of the mechanism."""
     return f"{name}ForceResidual"
-
-
-def _digest(files: Mapping[str, str]) -> str:
-    content = "\0".join(f"{name}\0{without_mark(text)}" for name, text in sorted(files.items()))
-    return hashlib.sha256(content.encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)

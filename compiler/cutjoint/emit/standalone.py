@@ -356,7 +356,8 @@ def _roads(equations: RecursiveEquations | SystemEquations, defaults: Defaults) 
             key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
             names[side] = name = known.setdefault(key, f"track_{len(known)}")
             breaks = [repr(float(x["start"])) for x in road[side][1:]]
-            tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": breaks}
+            pieces = [{"kind": x["kind"], **{key: repr(float(x[key])) for key in ("start", "a", "b", "c")}} for x in road[side]]
+            tracks[name] = {"name": name, "pieces": pieces, "breaks": breaks}
         named = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
         roads.append({"tyre": tyre, **names, **named, "disc": _bool(road["disc"])})
     return {"tracks": list(tracks.values()), "roads": roads, "surface": _surface(defaults) if roads else None}
@@ -381,10 +382,6 @@ def _surface(defaults: Defaults) -> dict[str, Any] | None:
     parts = {name: texts(field[name]) for name in ("start", "step", "heights")}
     flags = {name: _bool(field[name]) for name in ("wraps", "bilinear")}
     return {"field": {**parts, **flags, "counts": field["counts"]}, "curved": None, "patches": patches}
-
-
-def _piece(piece: Mapping[str, Any]) -> dict[str, str]:
-    return {"kind": piece["kind"], **{name: repr(float(piece[name])) for name in ("start", "a", "b", "c")}}
 
 
 def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[str]) -> list[tuple[str, list[str]]]:

@@ -284,7 +284,8 @@ class Viewer:
     def _sections(self, statements: Sequence[Statement], sections: Sequence[Section]) -> list[SectionView]:
         views: list[SectionView] = []
         for number, group in groupby(statements, key=lambda s: s.section):
-            section, lines = sections[number], tuple(_wrapped(s) for s in group)
+            broken = ((s, wrap(s.expression, LINE, break_long_words=False, break_on_hyphens=False)) for s in group)
+            section, lines = sections[number], tuple(replace(s, expression="\n      ".join(parts)) for s, parts in broken)
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
             views.append(SectionView(part=0, title=section.title, notes=notes, statements=lines))
         return views
@@ -333,12 +334,6 @@ def _stores(rolled: Rolled, loops: LoopText, printer: Printer) -> list[str]:
 def on_one_line(text: str) -> str:
     """Text that stays inside its comment: a file's name may have any character."""
     return "".join(c if c.isprintable() and c != "\\" else "?" for c in text)
-
-
-def _wrapped(statement: Statement) -> Statement:
-    """The statement with its expression broken into lines of a readable length."""
-    lines = wrap(statement.expression, LINE, break_long_words=False, break_on_hyphens=False)
-    return replace(statement, expression="\n      ".join(lines))
 
 
 def _prefix(section: Section) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.formulate.records import CHECKS, FORCE_RESIDUAL, POSES, Function, RecursiveEquations
+from cutjoint.formulate.records import CHECKS, FORCE_RESIDUAL, POSES, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
 from cutjoint.program.lower import reachable_blocks
@@ -23,16 +23,13 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     often, used = _OFTEN, dict.fromkeys((f.name for f in equations.functions), families)
     if equations.topology.embedded:
-        often, used = often | _WITH_MULTIPLIERS, {f.name: _used(families, f) for f in equations.functions}
+        often |= _WITH_MULTIPLIERS
+        for f in equations.functions:  # most need no massless bodies of embedded loops
+            reached = set(reachable_blocks(f.results.values()))
+            used[f.name] = [family for family in families if not reached.isdisjoint(family)]
     folded = {f.name: fold(equations.builder, used[f.name], f.results) for f in equations.functions if f.name in often}
     functions = [(f.name, folded.get(f.name, f.results)) for f in equations.functions]
     return schedule(equations.builder, functions, lanes=lanes, last=(*CHECKS, POSES))
-
-
-def _used(families: list[Family], function: Function) -> list[Family]:
-    """The families with a member that a function computes; most functions need no massless bodies of embedded loops."""
-    reached = set(reachable_blocks(function.results.values()))
-    return [family for family in families if not reached.isdisjoint(family)]
 
 
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:

@@ -66,7 +66,7 @@ class Differentiator:
         if rule is None or block.shape[1] != 1:
             raise ValueError(f"{block!r} has no derivative")
         found = yield from rule(self, block)
-        return {leaf: d for leaf, d in found.items() if not _vanishes(d)}
+        return {leaf: d for leaf, d in found.items() if not is_zero(d)}
 
     def _combined(self, terms: Iterable[tuple[Callable[[Block], Block], Jacobian]]) -> Jacobian:
         """The sum of Jacobians that functions are applied to."""
@@ -164,11 +164,6 @@ def _column(block: Block, place: int) -> Block:
 
 def _same(block: Block) -> Block:
     return block
-
-
-def _vanishes(block: Block) -> bool:
-    data: Any = block.data
-    return block.op == "const" and not any(x for row in data for x in row)
 
 
 _RULES: Mapping[str, Callable[[Differentiator, Block], Steps[Jacobian]]] = {

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from cutjoint.program.blocks import BindingTime, Block, Builder, Label, is_zero
+from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.lower import reachable_blocks
 
 #: One block for each lane.
@@ -133,7 +133,8 @@ class _Folding:
             return b.total(parts)
         block = b.again(family[0], parts)
         if family[0] in b.labels:
-            b.labels.setdefault(block, _in_lanes(b.labels[family[0]], len(family)))
+            label = b.labels[family[0]]
+            b.labels.setdefault(block, replace(label, text=f"{label.text}_x{len(family)}"))
         return block
 
     def uniform(self, block: Block) -> Block:
@@ -200,10 +201,6 @@ class _Folding:
             term = self.uniform(block)
             result = b.add(result, term) if sign > 0 else b.sub(result, term)
         return result
-
-
-def _in_lanes(label: Label, lanes: int) -> Label:
-    return replace(label, text=f"{label.text}_x{lanes}")
 
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:

@@ -28,35 +28,31 @@ def schedule(
         graph=lowering.graph, sections=tuple(builder.sections), elements=lowering.elements, labels=labels, functions=(), loaded=(),
         stepped=(), stored=frozenset(), lanes=lanes,
     )  # fmt: skip
-    return with_functions(program, [(name, _results(results, lowering)) for name, results in functions])
+    by_name = [
+        (name, [
+            Result(target=target, index=i, scalar=row[0])
+            for target, block in results.items() for i, row in enumerate(lowering.elements[block])
+        ])
+        for name, results in functions
+    ]  # fmt: skip
+    return with_functions(program, by_name)
 
 
 def with_functions(program: Program, functions: Iterable[tuple[str, Sequence[Result]]]) -> Program:
     """A program with these functions on its graph, in place of its own."""
     graph = program.graph
     lowered = tuple(_function(graph, name, results) for name, results in functions)
-    early = _early(graph, lowered)
+    reached = graph.reachable([r.scalar for f in lowered for r in f.results])
+    early = [n for n in reached if graph.nodes[n].binding in (BindingTime.PARAM, BindingTime.STEP)]
     stepped = tuple(n for n in early if graph.nodes[n].binding is BindingTime.STEP)
     loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
     return replace(program, functions=lowered, loaded=loaded, stepped=stepped, stored=_stored(graph, lowered, loaded, stepped))
-
-
-def _results(results: Mapping[str, Block], lowering: Lowering) -> list[Result]:
-    return [
-        Result(target=target, index=i, scalar=row[0]) for target, block in results.items() for i, row in enumerate(lowering.elements[block])
-    ]
 
 
 def _function(graph: Graph, name: str, results: Sequence[Result]) -> LoweredFunction:
     reached = graph.reachable([r.scalar for r in results])
     late = tuple(n for n in reached if graph.nodes[n].binding is BindingTime.ITERATION)
     return LoweredFunction(name=name, results=tuple(results), statements=late)
-
-
-def _early(graph: Graph, functions: Sequence[LoweredFunction]) -> list[int]:
-    """The nodes of parameter and step time that the functions depend on."""
-    reached = graph.reachable([r.scalar for f in functions for r in f.results])
-    return [n for n in reached if graph.nodes[n].binding in (BindingTime.PARAM, BindingTime.STEP)]
 
 
 def _stored(graph: Graph, functions: Sequence[LoweredFunction], loaded: Sequence[int], stepped: Sequence[int]) -> frozenset[int]:

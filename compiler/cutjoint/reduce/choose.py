@@ -123,7 +123,8 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     for variant in variants:
         search.try_model(variant)
     if not search.good:
-        search.try_other_methods(variants[0])
+        for name in (method.name for method in METHODS.values() if not method.functions):  # without loop embedding
+            search.try_steps(variants[0], variants[0].scene, name, DEFAULT_INTEGRATOR)
     if not search.good:
         words = f"no candidate has the accuracy of {accuracy_of(scene):g}"
         raise RunError(f"{scene.span}: scene '{scene.name}': {words}: {_nearest(search.found)}")
@@ -186,11 +187,6 @@ class Search:
         for method, integrator, events in pairs:
             if events is None or self.truth.run.statistics.events:
                 self.try_steps(variant, forms[best], method, integrator, events)
-
-    def try_other_methods(self, variant: ReducedModel) -> None:
-        """Try the methods without loop embedding."""
-        for method in (method for method in METHODS.values() if not method.functions):
-            self.try_steps(variant, variant.scene, method.name, DEFAULT_INTEGRATOR)
 
     def _is_near(self, variant: ReducedModel, method: str, integrator: str, events: str | None) -> bool:
         """Whether the motion of a reduced model is within the accuracy at all."""

@@ -76,8 +76,10 @@ def _moves_across(joint: Joint, normal: Vector, values: dict[object, float]) -> 
         return True
     if joint.kind in _ROTATIONS:
         return all(abs(x) <= _PARALLEL for x in _numbers(sympy.Matrix(joint.axes[0]).cross(sympy.Matrix(normal)), values))
+    if joint.kind is not JointKind.PRISMATIC:
+        return False
     along = sum((x * y for x, y in zip(joint.axes[0], normal, strict=True)), sympy.Integer(0))
-    return joint.kind is JointKind.PRISMATIC and abs(_numbers([along], values)[0]) <= _PARALLEL
+    return abs(_numbers([along], values)[0]) <= _PARALLEL
 
 
 def _numbers(expressions: object, values: dict[object, float]) -> list[float]:
@@ -119,7 +121,11 @@ def _flatten(model: Model, scene: Scene, plane: Plane, confined: Collection[str]
     made = PlaneModel(model=model, plane=plane, in_plane=in_plane)
     changed = made.scene(scene)
     flat = made.flat(changed)
-    notes = tuple(_notes(model, in_plane, plane))
+    kinds = [(joint, in_plane[joint.name].joint.kind) for joint in model.joints if joint.name in in_plane]
+    notes = tuple(
+        Note(element=j.name, text=f"moves in the plane {plane} alone: a {kind} joint in place of a {j.kind} one", span=j.span)
+        for j, kind in kinds if kind is not j.kind
+    )  # fmt: skip
     if not notes:
         return Outcome(model=model, scene=scene)
     flat = replace(flat, joints=tuple(replace(j, cut=True) if j.name in cuts else j for j in flat.joints))
@@ -133,14 +139,6 @@ def _restricted(joint: Joint, plane: Plane) -> InPlane:
         if coordinate not in found.kept and not is_zero(guide):
             raise AsymmetryError(joint.name, f"has a guide of its {coordinate} that moves it out of the plane {plane}", joint.span)
     return found
-
-
-def _notes(model: Model, in_plane: Mapping[str, InPlane], plane: Plane) -> Iterator[Note]:
-    for joint in (j for j in model.joints if j.name in in_plane):
-        kind = in_plane[joint.name].joint.kind
-        if kind is not joint.kind:
-            text = f"moves in the plane {plane} alone: a {kind} joint in place of a {joint.kind} one"
-            yield Note(element=joint.name, text=text, span=joint.span)
 
 
 @dataclass(frozen=True, kw_only=True)

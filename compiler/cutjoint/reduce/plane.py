@@ -149,10 +149,6 @@ def _universal(joint: Joint, plane: Plane) -> InPlane | None:
     return _changed(joint, K.REVOLUTE, (joint.axes[along[0]],), {f"angle_{along[0] + 1}": "angle"}) if along else None
 
 
-def _planar(joint: Joint, plane: Plane) -> InPlane | None:
-    return _unchanged(joint, plane) if plane.along_normal(joint.axes[0]) else None
-
-
 def _spherical(joint: Joint, plane: Plane) -> InPlane:
     hinge = _changed(joint, K.REVOLUTE, (plane.normal,), {})
     return replace(hinge, unknown=frozenset({f"w{plane.axis}"}))
@@ -173,5 +169,6 @@ def _free(joint: Joint, plane: Plane) -> InPlane | None:
 
 _RULES: Mapping[str, Callable[[Joint, Plane], InPlane | None]] = {
     K.FIXED: _unchanged, K.REVOLUTE: _revolute, K.PRISMATIC: _prismatic, K.CYLINDRICAL: _cylindrical, K.UNIVERSAL: _universal,
-    K.PLANAR: _planar, K.SPHERICAL: _spherical, K.FREE: _free,
+    K.PLANAR: lambda joint, plane: _unchanged(joint, plane) if plane.along_normal(joint.axes[0]) else None,
+    K.SPHERICAL: _spherical, K.FREE: _free,
 }  # fmt: skip

@@ -15,17 +15,13 @@ _MOTION = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
 
 def weld_bodies(model: Model, scene: Scene) -> Outcome:
     """The pass: fixed joints, and joints whose guides keep them in the design position throughout the scene."""
-    outcome = Outcome(model=model, scene=scene)
+    outcome, inputs = Outcome(model=model, scene=scene), input_functions(model, scene)
     for joint in model.joints:
-        if joint.element.is_rigid or _at_rest(joint, model, scene):
+        # a guide that is zero at all times is so for all values of the tunable parameters
+        if joint.element.is_rigid or (joint.guide is not None and all(bool(law.subs(inputs).is_zero) for law in joint.guide)):
             for now in (j for j in outcome.model.joints if j.name == joint.name):
                 outcome = _weld(outcome, now)
     return outcome
-
-
-def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
-    """Return whether a guide is zero at all times, for all values of the tunable parameters."""
-    return joint.guide is not None and all(bool(law.subs(input_functions(model, scene)).is_zero) for law in joint.guide)
 
 
 def _weld(outcome: Outcome, joint: Joint) -> Outcome:

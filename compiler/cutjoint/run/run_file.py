@@ -218,7 +218,9 @@ def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, fl
     for part in made.keys() & {"positions", "rates"}:
         made[part] = _checked_states(model, scene, part, made[part])
     if "roads" in made:
-        roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
+        pieces = {radius: road_pieces(scene.road, radius) for radius in made["roads"].values()}
+        tracks = {radius: {side: [asdict(p) for p in ps] for side, ps in of.items()} for radius, of in pieces.items()}
+        roads = {radius: {**sides, "disc": scene.road.contact == "disc"} for radius, sides in tracks.items()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
     if MASSES in parts:
         _require_masses(model, value)
@@ -365,11 +367,6 @@ class Evaluator:
             used = sorted((self._names[s], self._values[s]) for s in expression.free_symbols if s in self._names)
             raise RunError(f"{what} has no finite value with {', '.join(f'{n} = {v:g}' for n, v in used)}; set other values")
         return value
-
-
-def _road(scene: Scene, radius: float) -> dict[str, Any]:
-    tracks = {side: [asdict(p) for p in pieces] for side, pieces in road_pieces(scene.road, radius).items()}
-    return {**tracks, "disc": scene.road.contact == "disc"}
 
 
 # Equal steps and the samples of controllers: steps end where a controller is due

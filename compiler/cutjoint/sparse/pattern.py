@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.program.records import Program, Result
+from cutjoint.program.records import Program
 
 Array = NDArray[np.float64]
 PREFIX = "tangent:"  #: the beginning of names of a tangent's entries: row and column follow
@@ -62,7 +62,9 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
 
 def settle_entries(program: Program, size: int, *, symmetric: bool) -> tuple[Program, Pattern]:
     """The pattern of the entries ``tangent:row,column``, and the program without those that are always zero."""
-    functions = tuple(replace(f, results=tuple(r for r in f.results if not _is_absent(program, r))) for f in program.functions)
+    found = {r for f in program.functions for r in f.results if r.target.startswith(PREFIX)}
+    absent = {r for r in found if program.graph.value(r.scalar) == 0.0}
+    functions = tuple(replace(f, results=tuple(r for r in f.results if r not in absent)) for f in program.functions)
     entries = (_entry(r.target) for f in functions for r in f.results if r.target.startswith(PREFIX))
     pattern = make_pattern(size, entries, symmetric=symmetric)
     return replace(program, functions=functions), pattern
@@ -76,7 +78,3 @@ def _entry(target: str) -> tuple[int, int]:
 def places(pattern: Pattern) -> dict[str, int]:
     """The places of the results that are entries, by their names."""
     return {f"{PREFIX}{i},{j}": k for k, (i, j) in enumerate(pattern.entries())}
-
-
-def _is_absent(program: Program, result: Result) -> bool:
-    return result.target.startswith(PREFIX) and program.graph.value(result.scalar) == 0.0

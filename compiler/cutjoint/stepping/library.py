@@ -11,8 +11,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cutjoint.compile.c_export import Standalone
-from cutjoint.emit.source import environment
 from cutjoint.methods import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
@@ -218,9 +216,3 @@ class Lanes:
         )  # fmt: skip
         if not is_one:
             raise ValueError(f"these bytes are no snapshot of '{self._model}'")
-
-
-def with_rollout(standalone: Standalone) -> Standalone:
-    """A C export with lanes whose library also steps many simulations at once."""
-    template = environment().get_template("stepping/rollout.cpp.jinja")
-    return standalone.with_code(template.render(p=standalone.name, P=standalone.name.upper()))

@@ -17,7 +17,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import changing_parts, find_dependent_parts, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
-from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
+from cutjoint.stepping.library import HostFunction, Lanes, Library
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
 
@@ -68,7 +68,7 @@ def load_scene(
     standalone = alone()
 
     def build() -> Path:
-        return with_rollout(alone(side_by_side=True)).build_library(flags)
+        return alone(side_by_side=True).with_code("stepping/rollout.cpp.jinja").build_library(flags)
 
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # a host function belongs to one simulation

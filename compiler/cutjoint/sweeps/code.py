@@ -11,7 +11,6 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.emit.classes import MOST_LANES
 from cutjoint.emit.printer import Dialect, Printer
-from cutjoint.emit.source import environment
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.formulate.records import Column
 from cutjoint.formulate.translate import Translator
@@ -48,15 +47,14 @@ def with_runs(
     """A C export whose library also runs a study, in lanes if possible; ``names``: its parameters, inputs, coordinates and speeds.
     Raises RunError: the library has no place for something that the study changes."""
     show = _printer(study.model, columns, names)
-    p, calls = standalone.name, _calls(standalone.name, variables, names)
-    text = environment().get_template("sweep/runs.cpp.jinja").render(
-        p=p, P=p.upper(), lanes=standalone.parts.lanes, variables=variables, unit_bound=UNIT_BOUND,
+    calls = _calls(standalone.name, variables, names)
+    return standalone.with_code(
+        "sweep/runs.cpp.jinja", lanes=standalone.parts.lanes, variables=variables, unit_bound=UNIT_BOUND,
         series=[show(s.value) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
-        following=list(_following(p, study, scene, show, names)),
+        following=list(_following(standalone.name, study, scene, show, names)),
         starts=[call for v, call in calls if v.kind in (Kind.POSITION, Kind.RATE)],
     )  # fmt: skip
-    return standalone.with_code(text)
 
 
 def _calls(p: str, variables: Sequence[Variable], names: Mapping[str, Sequence[str]]) -> list[tuple[Variable, str]]:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from cutjoint.compile.c_export import Standalone
-from cutjoint.emit.source import environment
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.run.record import Settings
 
@@ -24,12 +23,11 @@ _CALLS = ("set_parameter", "set_input", "set_start_coordinate", "set_start_speed
 
 def with_batch(standalone: Standalone) -> Standalone:
     """A C export with lanes whose library also runs batches; its source has no start, length of steps or closure settings of the scene."""
-    template, equations = environment().get_template("tasks/batch.cpp.jinja"), standalone.parts.mechanism
     held = replace(standalone.run_file.settings.stabilisation, penalty=None, damping_ratio=1.0, frequency=1.0)
     blank = standalone.run_file.with_settings(dt=1.0, penalty=None, tolerance=1.0, stabilisation=held)
     file = replace(blank, positions={}, rates={}, end=1.0, output_step=1.0)
     standalone = replace(standalone, run_file=file, calls=_CALLS)
-    return standalone.with_code(template.render(p=standalone.name, P=standalone.name.upper(), inputs=equations.inputs))
+    return standalone.with_code("tasks/batch.cpp.jinja", inputs=standalone.parts.mechanism.inputs)
 
 
 def names_of_runs(standalone: Standalone) -> dict[str, Sequence[str]]:

@@ -13,7 +13,7 @@ from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, is_s
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import SHIPPED, Compiler, find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind, driver_parts, interpreter_part, make_drivers, parts_for, shipped_interpreter, store_parts
-from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
+from cutjoint.toolchain.objects import fetch_objects, find_objects
 from cutjoint.toolchain.platforms import Platform
 
 if TYPE_CHECKING:
@@ -119,5 +119,7 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
         places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}", *kind.definitions(folder))
         build_project(folder / "source", out, compiler, flags, *places, *definitions, shared=bool(Path(source.product).suffix))
         store_parts(missing, out, cache_folder())
-    store_objects([o for o in objects if o not in known], out)
+    for o in objects:
+        if o not in known and o.built(out).is_file():
+            store(o.built(out), o.cached)
     return out / source.product

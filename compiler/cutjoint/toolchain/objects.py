@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.package.locations import templates_folder
-from cutjoint.toolchain.cache import cache_folder, digest_of, fetch, is_sound, runtime_digest, store
+from cutjoint.toolchain.cache import cache_folder, digest_of, fetch, is_sound, runtime_digest
 from cutjoint.toolchain.compiler import Compiler, resolve
 from cutjoint.toolchain.drivers import DRIVERS, Kind
 
@@ -72,13 +72,6 @@ def fetch_objects(objects: Sequence[Object], folder: Path) -> set[Object]:
     for o in objects:
         o.copied(folder).parent.mkdir(parents=True, exist_ok=True)
     return {o for o in objects if fetch(o.cached, o.copied(folder))}
-
-
-def store_objects(objects: Sequence[Object], out: Path) -> None:
-    """Put the object files that a project has built into the cache."""
-    for o in objects:
-        if o.built(out).is_file():
-            store(o.built(out), o.cached)
 
 
 def _code(files: Mapping[str, str], name: str) -> Iterator[str]:

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import sympy
 
 from cutjoint.model.expressions.parse import quantities_read
-from cutjoint.model.records import GROUND, Force, Gear, Joint, Model, Scalar
+from cutjoint.model.records import GROUND, Force, Gear, Model, Scalar
 from cutjoint.topology.body_graph import BodyGraph
-from cutjoint.topology.records import SubtreeClass, TreeJoint
+from cutjoint.topology.records import SubtreeClass
 
 Signature: TypeAlias = tuple[Any, ...]
 
@@ -88,7 +88,8 @@ class _Attached:
         self._child_of = {t.joint.name: t.child for t in graph.tree}
         self._cuts = _by_body(graph.cuts, lambda cut: (cut.base, cut.follower))
         self._gears = _by_body(graph.gears, self._geared)
-        self._ends = joint_ends(graph.tree, graph.cuts)
+        ends = {cut.name: (cut.base, cut.follower) for cut in graph.cuts}
+        self._ends = {**{t.joint.name: (t.child,) for t in graph.tree}, **ends}  # of forces on joints' coordinates
         self._hubs = {b: branch.hub for branch in graph.branches for b in branch.bodies if graph.carrier.get(b) == branch.carrier}
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
         self._named = (*(state.name for state in model.states), *(signal.name for signal in model.signals))
@@ -173,13 +174,8 @@ def _sorted(by_body: Mapping[str, Sequence[Any]], bodies: Sequence[str], key: An
 
 
 def force_bodies(force: Force, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """The bodies that a force acts on; ``ends`` are those of `joint_ends`."""
+    """The bodies that a force acts on; ``ends`` are those of a joint: of one in the tree the body that it carries."""
     return ends[force.joint_of] if force.joint_of else force.bodies
-
-
-def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tuple[str, ...]]:
-    """The bodies that a force on a joint's coordinate acts on: the body that a tree joint carries, both bodies of a cut joint."""
-    return {**{t.joint.name: (t.child,) for t in tree}, **{cut.name: (cut.base, cut.follower) for cut in cuts}}
 
 
 def _instance(bodies: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutjoint.package.locations import __version__
 from cutjoint.view.motions import shortest
-from cutjoint.view.records import Array, Colour, Drawing, Mesh, Node, Part
+from cutjoint.view.records import Array, Colour, Drawing, Mesh, Node
 
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
@@ -71,16 +71,14 @@ class _Writer:
 
     def _node(self, node: Node) -> dict[str, Any]:
         if node.parts:
-            self._meshes.append({"name": node.name, "primitives": [self._primitive(part) for part in node.parts]})
+            materials = [self._materials.setdefault((p.colour, p.roughness), len(self._materials)) for p in node.parts]
+            parts = [{**self._arrays(p.mesh), "material": m} for p, m in zip(node.parts, materials, strict=True)]
+            self._meshes.append({"name": node.name, "primitives": parts})
         return {
             "name": node.name, **({"mesh": len(self._meshes) - 1} if node.parts else {}),
             "translation": _numbers(node.translation[0]), "rotation": _numbers(node.rotation[0]), "scale": _numbers(node.scale[0]),
             **({"extras": dict(node.about)} if node.about else {}),
         }  # fmt: skip
-
-    def _primitive(self, part: Part) -> dict[str, Any]:
-        material = self._materials.setdefault((part.colour, part.roughness), len(self._materials))
-        return {**self._arrays(part.mesh), "material": material}
 
     def _arrays(self, mesh: Mesh) -> dict[str, Any]:
         """The arrays of a mesh; primitives share them."""

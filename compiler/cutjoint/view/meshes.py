@@ -162,13 +162,9 @@ def rim(radius: float) -> Mesh:
     inner, w = 0.62 * radius, 0.1 * radius
     ring = revolved([(0.9 * inner, -w), (inner, -w), (inner, w), (0.9 * inner, w), (0.9 * inner, -w)], 36)
     bar = box(0.16 * radius, 1.9 * inner, w)
-    rotated = [bar.moved(_about_z(k * pi / 3), np.zeros(3)) for k in range(3)]
+    turns = ((np.cos(k * pi / 3), np.sin(k * pi / 3)) for k in range(3))
+    rotated = [bar.moved(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3)) for c, s in turns]
     return joined([ring, cylinder(0.2 * radius, 2.4 * w), *rotated])
-
-
-def _about_z(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def relief(x: Array, y: Array, z: Array) -> Mesh:

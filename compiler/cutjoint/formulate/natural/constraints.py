@@ -148,7 +148,9 @@ class ConstraintMaker:
                 constraints.extend(self._body(group))
         for joint in self._model.joints:
             with self._b.section("joint", joint.name, "Phi of what nodes alone do not share", joint.span.place):
-                constraints.extend(self._joint(joint))
+                if rows := joint_rows(self._layout, joint):
+                    found = [self._joint_row(joint, row) for row in rows]
+                    constraints.append(self._stacked(joint.name, [row.name for row in rows], found))
         for gear in self._model.gears:
             with self._b.section("joint", gear.name, equation(gear.law is not None), gear.span.place):
                 constraints.append(self._stacked(gear.name, NAMES, [self._gear(gear)]))
@@ -218,12 +220,6 @@ class ConstraintMaker:
         row = self._row()
         row.product(self._b.number(1.0), u, w)
         return row
-
-    def _joint(self, joint: Joint) -> Iterator[Constraint]:
-        """The equations of a joint that sharing nodes does not settle."""
-        rows = joint_rows(self._layout, joint)
-        if rows:
-            yield self._stacked(joint.name, [row.name for row in rows], [self._joint_row(joint, row) for row in rows])
 
     def _joint_row(self, joint: Joint, row: JointRow) -> _Row:
         match row:

@@ -16,7 +16,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.elements.joint import SameAttitude
+from cutjoint.elements.joint import SameAttitude, SameDistance, SamePoint
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, requested_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_zero
 from cutjoint.formulate.quantities import needs_place
@@ -245,8 +245,8 @@ class _Builder:
             return False
         for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:
             needs = collector.needs[body]
-            others = [j for j in self._model.joints if j is not joint and body in (self.group_of[j.base], self.group_of[j.follower])]
-            balls = all(j.element.constrains_points_only for j in others)
+            around = (j for j in self._model.joints if j is not joint and body in (self.group_of[j.base], self.group_of[j.follower]))
+            balls = all(j.element.closes and all(isinstance(c, SamePoint | SameDistance) for c in j.element.conditions) for j in around)
             span = _span([self._column(n) for n in (*needs.shared, *needs.spanned)])
             if balls and span <= 2 and all(n.kind is NodeKind.POINT for n in (*needs.shared, *needs.spanned)):
                 return True

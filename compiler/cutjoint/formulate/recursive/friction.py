@@ -223,7 +223,8 @@ class _Loads:
 
     def solve(self) -> list[Block]:
         """The loads, which have no value where they might not be the only ones."""
-        b, loads = self.k.builder, self._start()
+        b = self.k.builder
+        loads = [right for right, _ in self._right_sides([b.zero(1) for _ in self._numbers])]  # without friction
         ones = self._contraction()
         for _ in range(_ITERATIONS):
             loads = self._iterate(loads)
@@ -235,11 +236,6 @@ class _Loads:
                 is_found = _positive(b, b.sub(b.mul(near, near), b.mul(difference, difference)))
                 found.append(b.name(b.mul(load, is_found), "load", each.force.name))
         return found
-
-    def _start(self) -> list[Block]:
-        """The loads without friction."""
-        zero = self.k.builder.zero(1)
-        return [right for right, _ in self._right_sides([zero for _ in self._numbers])]
 
     def _right_sides(self, loads: Sequence[Block]) -> list[tuple[Block, list[Block]]]:
         """p + sum of |r| at some loads, with its derivatives by all of them."""
@@ -260,7 +256,8 @@ class _Loads:
     def vector(self, j: int, n: int, loads: Sequence[Block]) -> Block:
         """r of a load at some loads."""
         b = self.k.builder
-        return b.total([self.at_zero[j][n], *(_scaled(b, load, self.by_unit[i][j][n]) for i, load in enumerate(loads))])
+        shares = (b.scale(load, self.by_unit[i][j][n]) for i, load in enumerate(loads) if not is_zero(load))
+        return b.total([self.at_zero[j][n], *shares])
 
     def _iterate(self, loads: Sequence[Block]) -> list[Block]:
         """One of Newton's iterations."""
@@ -279,7 +276,8 @@ class _Loads:
         """1 for each load where the pivots of I - C are positive, else no value."""
         b = self.k.builder
         with b.section("friction", self.frictions[0].force.name, "I - C", self._place):
-            C = [[b.total([b.zero(1), *(_size(b, v) for v in self.by_unit[i][j])]) for i in self._numbers] for j in self._numbers]
+            sizes = [[[_length(b, v) for v in self.by_unit[i][j] if not is_zero(v)] for i in self._numbers] for j in self._numbers]
+            C = [[b.total([b.zero(1), *each]) for each in row] for row in sizes]
             matrix = [[b.sub(b.number(float(i == j)), value) for i, value in enumerate(row)] for j, row in enumerate(C)]
         pivots, _, _ = _eliminate(b, matrix, [b.zero(1) for _ in self._numbers])
         ones = []
@@ -301,14 +299,6 @@ class _Loads:
     @property
     def _place(self) -> str:
         return self.frictions[0].force.span.place
-
-
-def _scaled(b: Builder, factor: Block, block: Block) -> Block:
-    return b.zero(*block.shape) if is_zero(factor) or is_zero(block) else b.scale(factor, block)
-
-
-def _size(b: Builder, vector: Block) -> Block:
-    return b.zero(1) if is_zero(vector) else _length(b, vector)
 
 
 def _largest_eigenvalue(b: Builder, C: Sequence[Sequence[Block]]) -> Block:

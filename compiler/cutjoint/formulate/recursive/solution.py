@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.branches import BranchSystem, HubSystem
-from cutjoint.formulate.recursive.embedding.elimination import embedded_loop_systems
+from cutjoint.formulate.recursive.embedding.elimination import EmbeddedLoopSystem
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, add_loops, loop_errors
@@ -67,7 +67,8 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: Closin
         around = [each for each in branches if each.hub is own]
         whole = HubSystem(hub=own, around=around) if around else own
         of_body |= {body: whole for each in (own, *around) for body in each.branch.bodies}  # without rotors
-    of_body |= embedded_loop_systems(system, k)
+    for embedded_loop in k.topology.model.embedded_loops:
+        of_body |= dict.fromkeys(embedded_loop.bodies, EmbeddedLoopSystem(embedded_loop=embedded_loop, system=system, k=k))
     coupling = tuple(x for x in closing.loops if x.joint.name not in inside)
     add_loops(system, k, coupling, numbers)
     Zdd, zdd = expand(k, condense(system, k, of_body), k.builder, of_body)

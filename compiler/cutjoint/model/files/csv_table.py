@@ -82,7 +82,9 @@ class _Reading:
         if self.problems:
             raise ModelError(self.problems)
         columns = tuple(self._column(cell, tuple(row[i] for row in rows)) for i, cell in enumerate(header))
-        self._check_names(columns)
+        for i, column in enumerate(columns):
+            if column.name and column.name in (other.name for other in columns[:i]):
+                self._fail(column.span, f"two columns are called '{column.name}'", "rename one of them")
         if self.problems:
             raise ModelError(self.problems[:_MAX_REPORTED])
         return Csv(self.file, columns)
@@ -147,11 +149,6 @@ class _Reading:
         if not math.isfinite(value):
             self._fail(cell.span, f"'{cell.text[:30]}' is out of range", "write a smaller number")
         return value
-
-    def _check_names(self, columns: tuple[Column, ...]) -> None:
-        for i, column in enumerate(columns):
-            if column.name and column.name in (other.name for other in columns[:i]):
-                self._fail(column.span, f"two columns are called '{column.name}'", "rename one of them")
 
 
 # Tables of laws and roads: their columns as lists; of two variables a row of the file for each pair.

@@ -64,12 +64,9 @@ class Entry:
 def make_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """A table whose columns of numbers stand to the right."""
     cells = tuple(tuple(row) for row in rows)
-    marks = ("---:" if _is_numeric([row[i] for row in cells]) else "---" for i in range(len(headings)))
+    plain = [[not cell.strip("*") or cell.strip("*+-").replace(".", "").isdigit() for cell in row] for row in cells]
+    marks = ("---:" if all(row[i] for row in plain) else "---" for i in range(len(headings)))
     return Table(headings=tuple(headings), rule=" | ".join(marks), rows=cells)
-
-
-def _is_numeric(cells: Sequence[str]) -> bool:
-    return all(not cell.strip("*") or cell.strip("*+-").replace(".", "").isdigit() for cell in cells)
 
 
 def code(names: Iterable[str] | str) -> str:

@@ -106,12 +106,6 @@ class EmbeddedLoopSystem:
         return {self.independent: unknown}
 
 
-def embedded_loop_systems(system: BodySystem, k: Kinematics) -> Mapping[str, EmbeddedLoopSystem]:
-    """The systems of all embedded loops, by each of their bodies."""
-    found = [EmbeddedLoopSystem(embedded_loop=embedded_loop, system=system, k=k) for embedded_loop in k.topology.model.embedded_loops]
-    return {body: one for one in found for body in one.embedded_loop.bodies}
-
-
 def range_margins(k: Kinematics) -> dict[str, Block]:
     """A margin of each embedded loop: negative outside the ranges of its functions, 1 in their middle."""
     b, margins = k.builder, {}
