@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, StrictInt, StrictStr, Tag, create_model, model_validator
+from pydantic import ConfigDict, Field, StrictInt, StrictStr, create_model, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
-from cutjoint.model.document.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
+from cutjoint.model.document.values import MAX_PIECES, NUMBERS, ByForm, Name, Number, OneOf, Part, Unit, shape_error
 
 #: The largest number of runs of a study.
 MOST_RUNS = 10**8
@@ -55,14 +55,11 @@ class Spread(Part):
         return self
 
 
+_Numbers = Annotated[tuple[Number, ...], Field(min_length=1)]
 Values: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")]
-    | Annotated[tuple[Number, ...], Tag("<list>"), Field(min_length=1)]
-    | Annotated[Between, Tag("<range>")]
-    | Annotated[Spread, Tag("<spread>")],
-    discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>", **dict.fromkeys(DISTRIBUTIONS, "<spread>"),
-         **dict.fromkeys(("from", "to"), "<range>")},
+    Number | _Numbers | Between | Spread,
+    ByForm(
+        {**NUMBERS, tuple: _Numbers, **dict.fromkeys(DISTRIBUTIONS, Spread), **dict.fromkeys(("from", "to"), Between)},
         "needs a number, a list of numbers, {from: ..., to: ...} or {normal: ...}",
     ),
 ]
@@ -116,15 +113,10 @@ class Listed(Part):
 
 
 Design: TypeAlias = Annotated[
-    Annotated[Literal["grid"], Tag("<grid>")]
-    | Annotated[LatinHypercube, Tag("<latin_hypercube>")]
-    | Annotated[Sobol, Tag("<sobol>")]
-    | Annotated[SobolIndices, Tag("<sobol_indices>")]
-    | Annotated[Tolerances, Tag("<tolerances>")]
-    | Annotated[Csv, Tag("<csv>")]
-    | Annotated[Listed, Tag("<list>")],
-    discriminated_by(
-        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "tolerances", "csv", "list")}},
+    Literal["grid"] | LatinHypercube | Sobol | SobolIndices | Tolerances | Csv | Listed,
+    ByForm(
+        {str: Literal["grid"], "latin_hypercube": LatinHypercube, "sobol": Sobol, "sobol_indices": SobolIndices, "tolerances": Tolerances,
+         "csv": Csv, "list": Listed},
         "needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, "
         "{tolerances: runs}, {csv: file} or {list: [...]}",
     ),
@@ -162,9 +154,10 @@ TaskOptions = _optional("TaskOptions", "A task and its options; each is a key of
 #: The tasks besides runs whose results can be objectives.
 TASKS = tuple(TaskOptions.model_fields)
 
+_Task = Annotated[str, OneOf(TASKS)]
 TaskForm: TypeAlias = Annotated[
-    Annotated[str, OneOf(TASKS), Tag("<task>")] | Annotated[TaskOptions, Tag("<options>")],  # type: ignore[valid-type]
-    discriminated_by({str: "<task>", dict: "<options>"}, f"needs one of {', '.join(TASKS)}, or {{kinematics: {{axle: front}}}}"),
+    _Task | TaskOptions,  # type: ignore[valid-type]
+    ByForm({str: _Task, dict: TaskOptions}, f"needs one of {', '.join(TASKS)}, or {{kinematics: {{axle: front}}}}"),
 ]
 
 #: Additional reductions for results of tasks.

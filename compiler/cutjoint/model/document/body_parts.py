@@ -3,9 +3,9 @@
 import re
 from typing import Annotated, TypeAlias
 
-from pydantic import Field, StrictBool, StrictFloat, StrictInt, StrictStr, Tag, model_validator
+from pydantic import Field, StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
-from cutjoint.model.document.values import Direction, Inertia, Number, Part, Point, Triple, discriminated_by, shape_error
+from cutjoint.model.document.values import ByForm, Direction, Inertia, Number, Part, Point, Triple, shape_error
 from cutjoint.model.text import printable
 
 MAX_SHAPES = 1000
@@ -78,13 +78,10 @@ class PointMass(Part):
 
 
 Shape: TypeAlias = Annotated[
-    Annotated[Box, Tag("<box>")]
-    | Annotated[Cylinder, Tag("<cylinder>")]
-    | Annotated[Sphere, Tag("<sphere>")]
-    | Annotated[Rod, Tag("<rod>")]
-    | Annotated[PointMass, Tag("<point>")],
-    discriminated_by(
-        {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")}, "needs one of box, cylinder, sphere, rod, point"
+    Box | Cylinder | Sphere | Rod | PointMass,
+    ByForm(
+        {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "rod": Rod, "point": PointMass},
+        "needs one of box, cylinder, sphere, rod, point",
     ),
 ]
 

@@ -9,12 +9,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, Tag, ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from cutjoint.model.document.model_file import Document
 from cutjoint.model.document.source import Path, Source, field_name
-from cutjoint.model.document.values import LOST, SpringDamper
+from cutjoint.model.document.values import LOST, TAG, SpringDamper
 from cutjoint.model.elements.forces import JOINT_FORCES
 from cutjoint.model.elements.instances import find_uses
 from cutjoint.model.errors import Problems, nearest, worded
@@ -218,6 +218,9 @@ def _descend(part: Any, step: str | int) -> Any:
         part = get_args(part)[0]
     if get_origin(part) in (Union, types.UnionType):
         members = get_args(part)
+        tagged = {TAG.format(i): member for i, member in enumerate(members)}
+        if step in tagged and types.NoneType not in members:
+            return tagged[str(step)]
         chosen = [member for member in members if _chosen_by(member, step)]
         inner = (_descend(member, step) for member in members)
         return chosen[0] if chosen else next((found for found in inner if found is not None), None)
@@ -228,9 +231,7 @@ def _descend(part: Any, step: str | int) -> Any:
 
 
 def _chosen_by(member: Any, step: str | int) -> bool:
-    """Return whether ``step`` is the tag of a union's member."""
-    if get_origin(member) is Annotated:
-        return any(isinstance(mark, Tag) and mark.tag == step for mark in get_args(member))
+    """Return whether ``step`` is the kind of a union's member."""
     kind = member.model_fields.get("kind") if _is_model(member) else None
     return kind is not None and get_origin(kind.annotation) is Literal and step in get_args(kind.annotation)
 

@@ -10,7 +10,7 @@ from cutjoint.elements.force import REQUIRED, Choice, Constants, ForceElement, F
 from cutjoint.elements.forces import FORCES
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
-from cutjoint.model.document.values import Direction, Law, Laws, Names, Number, Pair, Part, Point, Six, Triple, shape_error
+from cutjoint.model.document.values import Direction, Law, Laws, Names, Number, Pair, Part, Point, Six, Triple, checked, shape_error
 
 #: The types of the fields that kinds have of their own.
 _JOINT_TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to": Point, "pitch": Number}
@@ -68,12 +68,7 @@ class JointPart(Part):
     limits: JointLimits | None = None
 
 
-def _list(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return value
-    raise shape_error("needs a list of laws, one for each coordinate")
-
-
+_list = checked(lambda value: isinstance(value, tuple), "needs a list of laws, one for each coordinate")
 Guides = Annotated[tuple[Law, ...], BeforeValidator(_list)]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictInt, StrictStr, Tag, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictInt, StrictStr, WithJsonSchema, model_validator
 
 from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Loops, join_or
 from cutjoint.model import records
@@ -16,6 +16,8 @@ from cutjoint.model.document.body_parts import Body
 from cutjoint.model.document.element_parts import Force, Joint
 from cutjoint.model.document.values import (
     MAX_FIELD,
+    NUMBERS,
+    ByForm,
     Direction,
     Ends,
     FieldEntries,
@@ -31,7 +33,7 @@ from cutjoint.model.document.values import (
     TermName,
     Triple,
     Unit,
-    discriminated_by,
+    checked,
     shape_error,
     table_schema,
 )
@@ -39,31 +41,21 @@ from cutjoint.package.errors import plural
 
 MAX_GEARED = 12  #: the most joints of a gear
 _Ratio: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[tuple[Number, ...], Tag("<list>")],
-    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"},
-        "needs a number, or one for each joint but the first"),
+    Number | tuple[Number, ...], ByForm({**NUMBERS, tuple: tuple[Number, ...]}, "needs a number, or one for each joint but the first")
 ]
 #: An expression, or a table over quantities.
 Lookup: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
-    discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
-        "needs an expression, or {table: {...}}",
-    ),
+    Number | Table, ByForm({**NUMBERS, **dict.fromkeys(("table", "interpolation"), Table)}, "needs an expression, or {table: {...}}")
 ]
 #: Values by name, or a file that has them.
 _PROPERTIES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}]}
 _NUMERICS = records.Numerics()
+_List = Annotated[tuple[Name, ...], Field(min_length=1)]
+_Units = Annotated[dict[Name, Unit], Field(min_length=1)]
 _Names: TypeAlias = Annotated[
-    Annotated[tuple[Name, ...], Field(min_length=1), Tag("<list>")] | Annotated[dict[Name, Unit], Field(min_length=1), Tag("<mapping>")],
-    discriminated_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
+    _List | _Units, ByForm({tuple: _List, list: _List, dict: _Units}, "needs a list of names, or names with their units")
 ]
-
-
-def _joints(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) > 1:
-        return value
-    raise shape_error("needs two names", "write [one, other]")
+_joints = checked(lambda value: isinstance(value, tuple) and len(value) > 1, "needs two names", "write [one, other]")
 
 
 class Gear(Part):
@@ -132,20 +124,17 @@ class FunctionMemory(Part):
 
 
 MemoryEntry: TypeAlias = Annotated[
-    Annotated[Memory, Tag("<number>")] | Annotated[FunctionMemory, Tag("<function>")],
-    discriminated_by(
-        {**dict.fromkeys(("function", "arguments"), "<function>"), dict: "<number>"},
+    Memory | FunctionMemory,
+    ByForm(
+        {**dict.fromkeys(("function", "arguments"), FunctionMemory), dict: Memory},
         "needs {start: ..., next: ...}, or {function: ..., arguments: [...]}",
     ),
 ]
 
 
 SampledSignalEntry: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[SampledSignal, Tag("<mapping>")],
-    discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("value", "start"), "<mapping>")},
-        "needs an expression or {value: ..., start: ...}",
-    ),
+    Number | SampledSignal,
+    ByForm({**NUMBERS, **dict.fromkeys(("value", "start"), SampledSignal)}, "needs an expression or {value: ..., start: ...}"),
 ]
 
 
@@ -180,9 +169,10 @@ def _one_name(output: dict[str, OutputExpression]) -> dict[str, OutputExpression
     return output
 
 
+_NamedOutput = Annotated[dict[Name, Expressed], AfterValidator(_one_name)]
 OutputEntry: TypeAlias = Annotated[
-    Annotated[StrictStr, Tag("<text>")] | Annotated[dict[Name, Expressed], AfterValidator(_one_name), Tag("<mapping>")],
-    discriminated_by({str: "<text>", dict: "<mapping>"}, "needs element.quantity, or name: {value: expression, unit: ...}"),
+    StrictStr | _NamedOutput,
+    ByForm({str: StrictStr, dict: _NamedOutput}, "needs element.quantity, or name: {value: expression, unit: ...}"),
 ]
 
 
@@ -241,10 +231,9 @@ class Parameter(Part):
 
 
 ParameterEntry: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Parameter, Tag("<mapping>")],
-    discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("value", "unit", "binding"), "<mapping>")},
-        "needs a number or {value: ..., unit: ..., binding: ...}",
+    Number | Parameter,
+    ByForm(
+        {**NUMBERS, **dict.fromkeys(("value", "unit", "binding"), Parameter)}, "needs a number or {value: ..., unit: ..., binding: ...}"
     ),
 ]
 
@@ -279,9 +268,9 @@ class Cosine(Part):
 
 
 Segment: TypeAlias = Annotated[
-    Annotated[Flat, Tag("<flat>")] | Annotated[Ramp, Tag("<ramp>")] | Annotated[Step, Tag("<step>")] | Annotated[Cosine, Tag("<cosine>")],
-    discriminated_by(
-        {key: f"<{key}>" for key in ("flat", "ramp", "step", "cosine")},
+    Flat | Ramp | Step | Cosine,
+    ByForm(
+        {"flat": Flat, "ramp": Ramp, "step": Step, "cosine": Cosine},
         "needs {flat: length}, {ramp: length, rise: height}, {step: height} or {cosine: length, amplitude: height}",
     ),
 ]
@@ -323,9 +312,9 @@ class Sections(Part):
 
 
 RoadSurface: TypeAlias = Annotated[
-    Annotated[Heights, Tag("<heights>")] | Annotated[Rough, Tag("<rough>")] | Annotated[Sections, Tag("<sections>")],
-    discriminated_by(
-        {"table": "<heights>", "iso8608": "<rough>", "sections": "<sections>"},
+    Heights | Rough | Sections,
+    ByForm(
+        {"table": Heights, "iso8608": Rough, "sections": Sections},
         "needs {table: {file: road.csv}} or {iso8608: class, seed: number}",
     ),
 ]
@@ -409,10 +398,8 @@ class Trim(Part):
 
 
 #: The target error of positions and angles, or those of outputs by their names.
-Accuracy: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[dict[StrictStr, Number], Field(min_length=1), Tag("<mapping>")],
-    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), dict: "<mapping>"}, "needs a number, or output: number"),
-]
+_ByOutput = Annotated[dict[StrictStr, Number], Field(min_length=1)]
+Accuracy: TypeAlias = Annotated[Number | _ByOutput, ByForm({**NUMBERS, dict: _ByOutput}, "needs a number, or output: number")]
 
 
 class Scene(Part):

@@ -6,9 +6,9 @@ fault is reported once and in the user's words.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, Union, get_args
 
 import pydantic
 from pydantic import Discriminator, Field, PlainValidator, StrictStr, Tag, WithJsonSchema
@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, RESERVED_IN_EXPRESSIONS, name_problem
 
+TAG = "<{}>"  #: pydantic's name for a member of a union, by its number
 LOST = "\0"  #: stands for what could not be read, whose problem is reported, in names and expressions; no file can have it
 MAX_COEFFICIENTS = 20
 MAX_PIECES = 100
@@ -42,16 +43,27 @@ def shape_error(message: str, hint: str = "") -> PydanticCustomError:
     return PydanticCustomError("shape", "{text}", {"text": message, "hint": hint})
 
 
-def discriminated_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
-    """Distinguishes the members of a union: by a value's type, or by a key that a mapping has.
-    ``forms`` gives the tag for each; ``message`` is for values of no such form."""
+@dataclass(frozen=True, eq=False)
+class ByForm:
+    """An annotation of unions, whose members are distinguished by a value's type, or by a key that a mapping has.
+    ``forms`` gives the member for each; ``message`` is for values of no such form."""
 
-    def tag(value: Any) -> str | None:
-        if isinstance(value, dict):
-            return next((forms[key] for key in forms if isinstance(key, str) and key in value), forms.get(dict))
-        return forms.get(type(value))
+    forms: Mapping[type | str, Any]
+    message: str
 
-    return Discriminator(tag, custom_error_type="shape", custom_error_message=message)
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        """The schema of the union, whose members have their numbers as tags."""
+        members = get_args(source)
+        tags = {form: TAG.format(members.index(member)) for form, member in self.forms.items()}
+
+        def tag(value: Any) -> str | None:
+            if isinstance(value, dict):
+                return next((tags[key] for key in tags if isinstance(key, str) and key in value), tags.get(dict))
+            return tags.get(type(value))
+
+        tagged: Any = Union[tuple(Annotated[member, Tag(TAG.format(i))] for i, member in enumerate(members))]  # noqa: UP007
+        by_tag = Discriminator(tag, custom_error_type="shape", custom_error_message=self.message)
+        return handler.generate_schema(Annotated[tagged, by_tag])
 
 
 @dataclass(frozen=True)
@@ -65,41 +77,29 @@ class OneOf:
         return core_schema.literal_schema([str(name) for name in self.names])
 
 
-def _number(value: Any) -> int | float | str:
-    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+def checked(is_right: Callable[[Any], object], message: str, hint: str = "") -> Callable[[Any], Any]:
+    """A check of values, with the message for others."""
+
+    def check(value: Any) -> Any:
+        if not is_right(value):
+            raise shape_error(message, hint)
         return value
-    raise shape_error("needs a number or an expression")
+
+    return check
 
 
-def _unit(value: Any) -> str:
-    if isinstance(value, str) or value == 1:
-        return str(value)
-    raise shape_error("this is not a unit", "write for example N*s/m")
+_number = checked(lambda x: isinstance(x, (int, float, str)) and not isinstance(x, bool), "needs a number or an expression")
+
+
+_unit = checked(lambda value: isinstance(value, str) or value == 1, "this is not a unit", "write for example N*s/m")
 
 
 def _list_of(*sizes: int, words: str, hint: str) -> pydantic.BeforeValidator:
     """The check of a list that must have one of some lengths, with the message for others."""
-
-    def checked(value: Any) -> Any:
-        if isinstance(value, tuple) and len(value) in sizes:
-            return value
-        raise shape_error(words, hint)
-
-    return pydantic.BeforeValidator(checked)
+    return pydantic.BeforeValidator(checked(lambda value: isinstance(value, tuple) and len(value) in sizes, words, hint))
 
 
 _SIX = _list_of(6, words="needs six values", hint="write [along x, y, z, about x, y, z]")
-
-
-def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
-    """The check of a text that must be one of some words, with the message for others."""
-
-    def checked(word: str) -> str:
-        if word in words:
-            return word
-        raise shape_error(message)
-
-    return checked
 
 
 def _names(reserved: Collection[str] = ()) -> pydantic.AfterValidator:
@@ -117,7 +117,8 @@ Name = Annotated[StrictStr, _names(), WithJsonSchema(_NAME_SCHEMA)]
 TermName = Annotated[StrictStr, _names(RESERVED_IN_EXPRESSIONS), WithJsonSchema(_NAME_SCHEMA)]
 ParameterName = Annotated[StrictStr, _names(RESERVED_EVERYWHERE), WithJsonSchema(_NAME_SCHEMA)]
 Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"type": ["number", "string"]})]
-Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
+NUMBERS = dict.fromkeys((int, float, str), Number)  #: the form of numbers and expressions in a union
+Unit = Annotated[str, PlainValidator(lambda value: str(_unit(value))), WithJsonSchema({"type": ["string", "integer"]})]
 Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), _list_of(3, words="needs three numbers", hint="write [x, y, z]")]
 Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), _list_of(2, words="needs two names", hint="write [one, other]")]
 Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), _SIX]
@@ -142,11 +143,11 @@ class FromTo(Part):
     to: StrictStr
 
 
-NamedAxis = Annotated[StrictStr, pydantic.AfterValidator(_word_of(NAMED_AXES, _DIRECTION)), WithJsonSchema({"enum": list(NAMED_AXES)})]
+_named_axis = pydantic.AfterValidator(checked(NAMED_AXES.__contains__, _DIRECTION))
+NamedAxis = Annotated[StrictStr, _named_axis, WithJsonSchema({"enum": list(NAMED_AXES)})]
 
 Direction: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[NamedAxis, Tag("<axis>")],
-    discriminated_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _DIRECTION),
+    Triple | FromTo | NamedAxis, ByForm({tuple: Triple, "from": FromTo, "to": FromTo, str: NamedAxis}, _DIRECTION)
 ]
 
 
@@ -164,15 +165,11 @@ class Along(Part):
 
 
 Addend: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")]
-    | Annotated[StrictStr, Tag("<text>")]
-    | Annotated[Midpoint, Tag("<midpoint>")]
-    | Annotated[ScaledDisplacement, Tag("<from>")]
-    | Annotated[Along, Tag("<along>")],
-    discriminated_by(
+    Triple | StrictStr | Midpoint | ScaledDisplacement | Along,
+    ByForm(
         {
-            tuple: "<list>", str: "<text>", "midpoint": "<midpoint>",
-            **dict.fromkeys(("from", "to", "times"), "<from>"), **dict.fromkeys(("along", "by"), "<along>"),
+            tuple: Triple, str: StrictStr, "midpoint": Midpoint,
+            **dict.fromkeys(("from", "to", "times"), ScaledDisplacement), **dict.fromkeys(("along", "by"), Along),
         },
         "needs a point or a vector: three numbers, a point's name, {from: P, to: Q} or {along: direction, by: length}",
     ),
@@ -186,12 +183,9 @@ class PointSum(Part):
 
 
 Point: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")]
-    | Annotated[StrictStr, Tag("<text>")]
-    | Annotated[Midpoint, Tag("<midpoint>")]
-    | Annotated[PointSum, Tag("<sum>")],
-    discriminated_by(
-        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>", "sum": "<sum>"},
+    Triple | StrictStr | Midpoint | PointSum,
+    ByForm(
+        {tuple: Triple, str: StrictStr, "midpoint": Midpoint, "sum": PointSum},
         "needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
     ),
 ]
@@ -217,22 +211,19 @@ class Attitude(Part):
 
 
 State: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Attitude, Tag("<attitude>")],
-    discriminated_by(
-        {
-            **dict.fromkeys((int, float, str), "<number>"),
-            **dict.fromkeys(("rotation_vector", "euler", "order", "quaternion"), "<attitude>"),
-        },
+    Number | Attitude,
+    ByForm(
+        {**NUMBERS, **dict.fromkeys(("rotation_vector", "euler", "order", "quaternion"), Attitude)},
         "needs a number, or of an attitude {rotation_vector: ...}, {euler: ..., order: ...} or {quaternion: ...}",
     ),
 ]
 
 
-_AxisOrAny = Annotated[StrictStr, pydantic.AfterValidator(_word_of(_WORDS, _PRINCIPAL)), WithJsonSchema({"enum": [*_WORDS]})]
+_axis_or_any = pydantic.AfterValidator(checked(_WORDS.__contains__, _PRINCIPAL))
+_AxisOrAny = Annotated[StrictStr, _axis_or_any, WithJsonSchema({"enum": [*_WORDS]})]
 
 PrincipalDirection: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[_AxisOrAny, Tag("<axis>")],
-    discriminated_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _PRINCIPAL),
+    Triple | FromTo | _AxisOrAny, ByForm({tuple: Triple, "from": FromTo, "to": FromTo, str: _AxisOrAny}, _PRINCIPAL)
 ]
 
 
@@ -268,12 +259,9 @@ class FramedMatrix(Part):
 
 
 Inertia: TypeAlias = Annotated[
-    Annotated[_Matrix, Tag("<list>")]
-    | Annotated[Principal, Tag("<principal>")]
-    | Annotated[FramedMatrix, Tag("<matrix>")]
-    | Annotated[AxialInertia, Tag("<axial>")],
-    discriminated_by(
-        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>", "axial": "<axial>", "axis": "<axial>"},
+    _Matrix | Principal | FramedMatrix | AxialInertia,
+    ByForm(
+        {tuple: _Matrix, "principal": Principal, "matrix": FramedMatrix, "axial": AxialInertia, "axis": AxialInertia},
         "needs three or six numbers, {principal: [a, b, c], x: direction, y: direction} or {axial: J, axis: direction}",
     ),
 ]
@@ -382,20 +370,11 @@ class Stop(Part):
 
 
 Law: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")]
-    | Annotated[Polynomial, Tag("<polynomial>")]
-    | Annotated[Piecewise, Tag("<piecewise>")]
-    | Annotated[Sum, Tag("<sum>")]
-    | Annotated[Let, Tag("<let>")]
-    | Annotated[Table, Tag("<table>")]
-    | Annotated[SpringDamper, Tag("<spring>")]
-    | Annotated[Stop, Tag("<stop>")],
-    discriminated_by(
+    Number | Polynomial | Piecewise | Sum | Let | Table | SpringDamper | Stop,
+    ByForm(
         {
-            **dict.fromkeys((int, float, str), "<number>"),
-            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},
-            "interpolation": "<table>",
-            **dict.fromkeys(("stiffness", "damping", "preload"), "<spring>"),
+            **NUMBERS, "polynomial": Polynomial, "piecewise": Piecewise, "sum": Sum, "let": Let, "table": Table, "stop": Stop,
+            "interpolation": Table, **dict.fromkeys(("stiffness", "damping", "preload"), SpringDamper),
         },
         "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
