@@ -15,7 +15,7 @@ from cutjoint.elements.joint import ATTITUDE, Direction
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.mirror import ANGLES, coordinate_signs, mirror_elements
-from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate, substitute
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import (
@@ -33,7 +33,7 @@ from cutjoint.model.records import (
     Scene,
     Vector,
 )
-from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_same, is_zero, restrict, substitute
+from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_same, is_zero, restrict
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import reached
 

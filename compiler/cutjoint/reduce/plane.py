@@ -1,7 +1,7 @@
 """A plane in which a mechanism may move: reflection in it, comparison of expressions, and joints with the motions in it alone."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy
@@ -75,17 +75,6 @@ def is_same(a: Any, b: Any) -> bool:
     if a == b:
         return True
     return isinstance(a, sympy.Expr) and isinstance(b, sympy.Expr) and is_zero(a - b)
-
-
-def substitute(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
-    """An expression with values in place of symbols, or a record, a mapping or a tuple with all its expressions so."""
-    if isinstance(value, tuple):
-        return tuple(substitute(part, values) for part in value)
-    if isinstance(value, Mapping):
-        return {key: substitute(part, values) for key, part in value.items()}
-    if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{f.name: substitute(getattr(value, f.name), values) for f in fields(value)})
-    return value.xreplace(values) if isinstance(value, sympy.Basic) else value
 
 
 @dataclass(frozen=True, kw_only=True)

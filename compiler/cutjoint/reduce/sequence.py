@@ -17,7 +17,7 @@ from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate, substitute
 from cutjoint.model.expressions.parse import variable
 from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.outcome import Note, Outcome, Pass
@@ -28,7 +28,6 @@ from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
-from cutjoint.reduce.plane import substitute
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.sampling import run_scene
 from cutjoint.reduce.weld import weld_bodies

@@ -4,8 +4,7 @@ Discrete states of controllers become inputs of the mechanism, and their next va
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import sympy
@@ -14,6 +13,7 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.inputs import discrete_state_name
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
+from cutjoint.model.expressions.evaluate import substitute
 from cutjoint.model.expressions.parse import parameter_symbol, quantity_symbol
 from cutjoint.model.expressions.quantities import QuantityError, elements_of, find_quantity
 from cutjoint.model.expressions.tunable import with_inputs
@@ -163,7 +163,7 @@ def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tupl
     follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.discrete_states]
     requested = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
     shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in requested.items()}
-    plain = _with_symbols(replace(model, controllers=()), symbols)
+    plain = substitute(replace(model, controllers=()), symbols)
     exposed = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
     outputs = (*(_reported(shown[o.column]) if o.column in shown else o for o in scene.outputs), *map(_reported, follow))
     starts = {_sampled_input(v): v.start for v in model.discrete_states}
@@ -183,18 +183,3 @@ def _signal(model: Model, name: str, value: Scalar, unit: str = "") -> Signal:
 
 def _reported(signal: Signal) -> Output:
     return Output(element=signal.name, quantity=VALUE, span=signal.span, name=signal.name.removesuffix(".reported"))
-
-
-def _with_symbols(part: Any, symbols: Mapping[Scalar, Scalar]) -> Any:
-    """Part of a model with symbols replaced in all its expressions."""
-    if isinstance(part, sympy.Basic):
-        return part.xreplace(symbols) if part.free_symbols & symbols.keys() else part
-    if isinstance(part, tuple):
-        return tuple(_with_symbols(x, symbols) for x in part)
-    if isinstance(part, Mapping):
-        return {key: _with_symbols(x, symbols) for key, x in part.items()}
-    if is_dataclass(part) and not isinstance(part, type):
-        old = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
-        changed = {name: new for name, x in old.items() if (new := _with_symbols(x, symbols)) is not x and new != x}
-        return replace(part, **changed) if changed else part
-    return part

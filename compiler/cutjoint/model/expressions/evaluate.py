@@ -3,6 +3,7 @@
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -37,6 +38,21 @@ def _evaluate(node: Scalar, values: Mapping[Scalar, Any], by: Mapping[Any, Calla
     if node.func not in by:
         return math.nan
     return by[node.func](*(_evaluate(argument, values, by, choose) for argument in node.args))
+
+
+def substitute(part: Any, values: Mapping[Scalar, Scalar]) -> Any:
+    """An expression with values in place of symbols, or a record, a mapping or a tuple with all its expressions so."""
+    if isinstance(part, sympy.Basic):
+        return part.xreplace(values) if part.free_symbols & values.keys() else part
+    if isinstance(part, tuple):
+        return tuple(substitute(x, values) for x in part)
+    if isinstance(part, Mapping):
+        return {key: substitute(x, values) for key, x in part.items()}
+    if is_dataclass(part) and not isinstance(part, type):
+        old = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
+        changed = {name: new for name, x in old.items() if (new := substitute(x, values)) is not x and new != x}
+        return replace(part, **changed) if changed else part
+    return part
 
 
 def _first_case(cases: Sequence[tuple[Scalar, Scalar]], value_of: Callable[[Scalar], Any]) -> Any:
