@@ -36,9 +36,14 @@ def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology)
     """A family for every quantity of a class's first member that has a counterpart in all others.
     Only classes whose members depend on their common carrier alone have lanes; the members of a chain depend on each other."""
     families = []
+    order = {quantity: i for i, quantity in enumerate(quantities)}
+    by_part: dict[str, set[Quantity]] = {}
+    for quantity in quantities:
+        for part in quantity.parts:
+            by_part.setdefault(part, set()).add(quantity)
     for members in (group for found in topology.classes for group in found.lanes):
         counterparts = [dict(zip(members[0], member, strict=True)) for member in members]
-        for quantity in quantities:
+        for quantity in sorted(set().union(*(by_part.get(part, set()) for part in members[0])), key=order.__getitem__):
             family = _family(quantity, quantities, counterparts)
             if family is not None:
                 families.append(family)

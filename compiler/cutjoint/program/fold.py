@@ -151,7 +151,7 @@ class _Folding:
         if block in self.place:
             family, k = self.place[block]
             return self.builder.lane(self.lanes(family), k)
-        if block.op in ("add", "sub"):
+        if block.op in ("add", "sub") and self.place:
             terms = self._terms_of(block)
             whole, left = self._whole_families(terms)
             if whole:
@@ -178,9 +178,11 @@ class _Folding:
         remaining = Counter(terms)
         found: list[tuple[int, Family]] = []
         for sign, block in terms:
-            family = self.place[block][0] if block in self.place else ()
+            if block not in self.place:
+                continue
+            family = self.place[block][0]
             needed = Counter((sign, member) for member in family)
-            if family and needed <= remaining:
+            if needed <= remaining:
                 remaining -= needed
                 found.append((sign, family))
         left = []

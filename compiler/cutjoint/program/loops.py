@@ -124,12 +124,16 @@ class Rolled:
     results: tuple[Result, ...]
 
 
-@dataclass
+@dataclass(eq=False)
 class _Run:
-    """Statements, or results, that repeat: by iteration."""
+    """Statements, or results, that repeat: by iteration, and the iterations that have been ``placed``.  ``copies`` are those that its
+    arguments need, ``of`` the lengths of the runs that these follow from: while all are as they were, so are the arguments."""
 
     iterations: list[list[int]]
+    placed: list[list[int]] = field(default_factory=list)
     arguments: dict[_Column, Argument] = field(default_factory=dict)
+    copies: dict[tuple[int, int, int], tuple[int, int]] = field(default_factory=dict)
+    of: dict[int, int] = field(default_factory=dict)
 
 
 def roll(program: Program, function: LoweredFunction, place: Place) -> Rolled:
@@ -162,11 +166,14 @@ class _Rolling:
         self._runs = [run for run in runs if _is_worth(run)]
         self._where: dict[int, tuple[int, int, int]] = {}
         self._copies: dict[tuple[int, int, int], tuple[int, int]] = {}
+        self._known: dict[int, list[int]] = {}
 
     # Likeness
 
     def _arguments(self, n: int) -> list[int]:
-        return [self._graph.signless(a) for a in self._signed(n)]
+        if n not in self._known:
+            self._known[n] = [self._graph.signless(a) for a in self._signed(n)]
+        return self._known[n]
 
     def _signed(self, n: int) -> tuple[int, ...]:
         if n < 0:
@@ -223,22 +230,40 @@ class _Rolling:
     def rolled(self) -> Rolled:
         """The function with loops."""
         while not self._settled():
-            self._runs = [run for run in self._runs if _is_worth(run)]
+            kept = [run for run in self._runs if _is_worth(run)]
+            if len(kept) < len(self._runs):  # the others have other numbers
+                self._where = {}
+                for run in kept:
+                    run.of, run.placed = {}, []
+            self._runs = kept
         return self._written()
 
     def _settled(self) -> bool:
         """Fit the arguments of the runs; False if one had to be shortened, so that all must be fitted again."""
-        self._where = {
-            n: (i, j, k) for i, run in enumerate(self._runs) for k, nodes in enumerate(run.iterations) for j, n in enumerate(nodes)
-        }
-        self._copies = {}
-        fitted = [self._fits(i, run) for i, run in enumerate(self._runs)]
+        for i, run in enumerate(self._runs):
+            if run.placed is not run.iterations:
+                for n in chain(*run.placed):
+                    self._where.pop(n, None)
+                self._where |= {n: (i, j, k) for k, nodes in enumerate(run.iterations) for j, n in enumerate(nodes)}
+                run.placed = run.iterations
+        self._copies, lengths = {}, [len(run.iterations) for run in self._runs]
+        fitted = [self._is_known(run) or self._fits(i, run, lengths) for i, run in enumerate(self._runs)]
         return all(fitted)
 
-    def _fits(self, i: int, run: _Run) -> bool:
+    def _is_known(self, run: _Run) -> bool:
+        """Whether the arguments of a run that was fitted before are still valid; its copies are then noted."""
+        if not run.of or any(len(self._runs[j].iterations) != length for j, length in run.of.items()):
+            return False
+        if any(self._copies.get(place, copy)[1] != copy[1] for place, copy in run.copies.items()):
+            return False
+        self._copies = run.copies | self._copies
+        return True
+
+    def _fits(self, i: int, run: _Run, lengths: Sequence[int]) -> bool:
         """Fit the arguments of one run.  Drop the iterations up to one that does not fit, or from it on, whichever are fewer."""
-        run.arguments = {}
-        for column in dict.fromkeys(c for row in zip(*run.iterations, strict=True) for c in self._columns(row)):
+        run.arguments, run.copies, run.of = {}, {}, {}
+        columns = dict.fromkeys(c for row in zip(*run.iterations, strict=True) for c in self._columns(row))
+        for column in columns:
             if len(set(column)) == 1 or self._is_inside(i, column):
                 continue
             argument = self._fit(i, column)
@@ -251,6 +276,7 @@ class _Rolling:
         if not in_step or len(listed) * COSTLY > len(run.iterations[0]):
             run.iterations = []
             return False
+        run.of = {j: lengths[j] for j in {i, *(self._where[a][0] for column in columns for a in column if a in self._where)}}
         return True
 
     def _columns(self, row: Sequence[int]) -> list[_Column]:
@@ -302,6 +328,7 @@ class _Rolling:
                 if not near or not is_known or self._copies.get(place, (i, a))[1] != a:
                     return k
                 copies[place] = (i, a)
+        self._runs[i].copies |= copies
         self._copies = copies | self._copies
         return stored
 
