@@ -317,6 +317,16 @@ def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: st
     assert message in " ".join(result.output.split())
 
 
+def test_auto_runs_to_the_end_of_the_command(tmp_path: Path) -> None:
+    """--end was refused, as something that method auto chooses."""
+    path = tmp_path / "pendulum.yaml"
+    path.write_text(PENDULUM)
+    options = ["--scene", "swing", "--method", "auto", "--end", "0.5", "--no-error", "--out", str(tmp_path / "out.csv")]
+    result = CliRunner().invoke(main, ["simulate", str(path), *options])
+    assert result.exit_code == 0, result.output
+    assert float((tmp_path / "out.csv").read_text().splitlines()[-1].split(",")[0]) == 0.5
+
+
 @pytest.mark.parametrize(
     ("written", "options", "accuracy", "said"),
     [

@@ -99,6 +99,7 @@ def test_callers_name_outputs_too(tmp_path: Path) -> None:
         (("pul=1N",), "accuracy of pul: is no output of the scene; did you mean 'pull'?"),
         (("pull=1mm",), "accuracy of pull: needs N, got m: 1mm"),
         (("pull=0",), "accuracy of pull: 0 is not above 0; write a larger number"),
+        (("pull=1N", "--no-error"), "accuracy: it needs the runs that estimate the error; remove --no-error"),
         (("pull=1N", "--dt", "1ms"), "accuracy: it determines the steps; remove dt or the accuracy"),
         (("pull=1N", "--accuracy", "1mm"), "accuracy: steps follow from errors of positions or from those of named outputs; remove one"),
         (("pull=1N", "--method", "auto", "--implementation", "auto"), "--accuracy-of cannot be combined with method auto"),

@@ -15,7 +15,7 @@ from cutjoint.report.tasks import choice_tables
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
-from cutjoint.run.settings import Options, accuracy_of
+from cutjoint.run.settings import Options, accuracy_of, require_settings
 
 
 def pick_and_run(
@@ -23,10 +23,12 @@ def pick_and_run(
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Let method auto choose model, scene, method and steps."""
     requested = request.options
+    require_settings(end=requested.end)
+    scene = scene if requested.end is None else replace(scene, end=requested.end)
     scene, parameters = with_constant_inputs(model, scene, parameters)
     _require_free_choice(
         implementation=request.implementation, solver=requested.solver, integrator=requested.integrator, events=requested.events,
-        precision=request.precision, dt=requested.dt, end=requested.end, iterations=requested.iterations,
+        precision=request.precision, dt=requested.dt, iterations=requested.iterations,
         loops=request.loops, **{"accuracy-of": requested.targets or None},
     )  # fmt: skip
     chosen, reduced, settings = _pick(model, scene, _accuracy(requested), parameters)

@@ -53,7 +53,7 @@ def command(
     parameters = options.read_parameters(changes)
     requested = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events, accuracy=accuracy,
-        targets=options.read_parameters(targets, "--accuracy-of"),
+        targets=options.read_parameters(targets, "--accuracy-of"), once=not error,
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, tunable=tunable, implementation=implementation, precision=precision,

@@ -169,6 +169,8 @@ def _require_accuracy(options: Options) -> None:
     require_settings(accuracy=options.accuracy)
     if superfluous := [name for name, value in others.items() if value is not None]:
         raise RunError(f"accuracy: it determines the steps; remove {join_and(superfluous)} or the accuracy")
+    if options.once:
+        raise RunError("accuracy: it needs the runs that estimate the error; remove --no-error (error=False) or the accuracy")
     if options.targets and options.accuracy is not None:
         raise RunError("accuracy: steps follow from errors of positions or from those of named outputs; remove one of the two")
 
@@ -267,7 +269,8 @@ class Options:
     are those of outputs by name instead, in SI units or quantities of `read_parameters`.  ``tolerance``,
     the solver's, is the relative error of an adaptive integrator's step, else the relative change of the accelerations at which the
     iteration of a step ends.  ``iterations`` is the number that each step has, so that all cost the same.
-    ``solver`` is the linear solver, ``integrator`` one of INTEGRATORS, ``events`` one of Events.
+    ``solver`` is the linear solver, ``integrator`` one of INTEGRATORS, ``events`` one of Events. ``once`` is whether there may be one run
+    only, without those that show its error.
     """
 
     dt: float | None = None
@@ -280,6 +283,7 @@ class Options:
     events: str | None = None
     accuracy: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
+    once: bool = False
 
 
 #: Fixed steps by the default integrator, which ignore events, whatever the scene says; also for tasks without steps.

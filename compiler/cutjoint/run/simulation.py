@@ -21,7 +21,7 @@ def simulate(
     """Run a compiled model; arguments and errors are those of `cutjoint.simulate`."""
     targets, accuracy = (accuracy, None) if isinstance(accuracy, Mapping) else ({}, accuracy)
     options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,
-                      events=events, accuracy=accuracy, targets=targets)  # fmt: skip
+                      events=events, accuracy=accuracy, targets=targets, once=not error)  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, advise=check)
     held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
