@@ -14,7 +14,6 @@ import numpy as np
 import sympy
 
 from cutjoint.analysis.closing import Array, Pose, close_loops, design_coordinates, evaluate_closures, evaluate_guided_rates, explore
-from cutjoint.analysis.inertia import require_inertia
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.expressions.evaluate import evaluate
@@ -58,14 +57,6 @@ def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = 
         speeds=equations.speeds, equations=len(equations.equation_names), rank=max(p.rank for p in poses), design_rank=poses[0].rank,
         poses=len(poses), condition=poses[0].condition, closed=poses[0].closed,
     )  # fmt: skip
-
-
-def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
-    """The equations, unless a motion moves no mass or guides contradict a loop.
-    Raises NoInertiaError, GuideError: as of `require_inertia` and `require_guides`."""
-    require_inertia(equations)
-    require_guides(equations)
-    return equations
 
 
 class GuideError(EquationsError, ValueError):

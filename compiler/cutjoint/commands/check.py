@@ -56,7 +56,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], assemblies
         if redundancy.structural or redundancy.momentary:
             options.out.print(tables.redundancy_table(redundancy, checked))
         if indeterminate := find_indeterminate(topology, chosen, reaction_outputs(checked)):
-            options.out.print(tables.indeterminate_reactions(indeterminate))
+            options.out.print(f"indeterminate reactions: {', '.join(indeterminate)}; a run reports {tables.LEAST}")
     momentary = [describe_momentary(checked, motion) for motion in find_momentary_motions(equations, poses)]
     options.out.print_each((*describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)), *momentary))
     misfit = mend_misfit(equations, accuracy_of(chosen))[0]

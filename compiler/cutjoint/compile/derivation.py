@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from warnings import warn
 
-from cutjoint.analysis.mobility import require_soundness
+from cutjoint.analysis.inertia import require_inertia
+from cutjoint.analysis.mobility import require_guides
 from cutjoint.analysis.redundancy import require_loads
 from cutjoint.analysis.shaky import ShakyError, mend_misfit, require_firmness
 from cutjoint.emit.simulator import emit
@@ -62,7 +63,9 @@ def derive(
     equations = formulate_recursive(
         topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events, aims=tuple(aims)
     )  # fmt: skip
-    words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
+    require_inertia(equations)
+    require_guides(equations)
+    words, exact = mend_misfit(equations, accuracy_of(scene))
     if not words:
         return equations
     if exact is None:

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from functools import partial
 from time import perf_counter
-from typing import Any
 
 from cutjoint.compile.derivation import fallback, schedule_method
 from cutjoint.emit.interpreted import emit_interpreted
-from cutjoint.emit.source import Source
-from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
@@ -41,7 +40,8 @@ def compile_interpreted(
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
     equations, program = scheduled or schedule_method(model, scene, outputs, method=method)
-    source, description = _interpret(equations, program)
+    start = schedule_recursive(equations.start, lanes=True) if isinstance(equations, SystemEquations) else None
+    source, description = emit_interpreted(program, equations, start)
     generated = perf_counter()
     # Binary
     binary = build_interpreter(source.driver)
@@ -60,12 +60,3 @@ def interpreted_by(model: Model, scene: Scene, method: str) -> Artifact | None:
     if model.functions or not (must_interpret() or interpreter_is_there(driver, find_compiler(), FLAGS)):
         return None
     return compile_interpreted(model, with_default_closure(scene, method, None), method=method)
-
-
-def _interpret(equations: Equations, program: Program) -> tuple[Source, dict[str, Any]]:
-    if isinstance(equations, SystemEquations):
-        from cutjoint.compile.systems import interpret_scheduled  # imported here because the recursive method does not need it
-
-        return interpret_scheduled(equations, program)
-    assert isinstance(equations, RecursiveEquations)
-    return emit_interpreted(program, equations)

@@ -5,7 +5,7 @@ Equations of the start -> Equations -> Program, Plan -> Source
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
 from cutjoint.analysis.natural import NaturalState
 from cutjoint.emit.classes import System
 from cutjoint.emit.factorisation import STRAIGHT_LINE
-from cutjoint.emit.interpreted import emit_interpreted_system
 from cutjoint.emit.simulator import emit_system
 from cutjoint.emit.source import Source
 from cutjoint.formulate.implicit.equations import formulate_implicit
@@ -56,12 +55,6 @@ def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool,
     assert equations.plan is not None
     system = System(equations=equations, program=program, plan=equations.plan)
     return emit_system(mechanism, system, straight_line=straight_line)
-
-
-def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[Source, dict[str, Any]]:
-    """The source and the data for the interpreter of a scheduled system."""
-    assert equations.plan is not None
-    return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, equations.plan)
 
 
 def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Output, ...]) -> tuple[SystemEquations, list[NaturalState]]:

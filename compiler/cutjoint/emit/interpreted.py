@@ -35,18 +35,16 @@ _LATE = 1 << 40  #: the registers of values of calls begin here until the number
 _ARRAYS = {"numerics": "stabilisation", LAW_TIME: "t"}
 
 
-def emit_interpreted(program: Program, equations: RecursiveEquations) -> tuple[Source, dict[str, Any]]:
-    """A mechanism for the interpreter: its file, and the offsets in it."""
-    return _source(equations, "recursive", describe_mechanism(program, equations))
-
-
-def emit_interpreted_system(start: Program, program: Program, equations: SystemEquations, plan: Plan) -> tuple[Source, dict[str, Any]]:
-    """A system for the interpreter, with the mechanism that starts its runs."""
-    described = {"start": describe_mechanism(start, equations.start), **_describe_system(program, equations, plan)}
-    return _source(equations, "lagrangian", described)
-
-
-def _source(equations: Equations, driver: str, described: dict[str, Any]) -> tuple[Source, dict[str, Any]]:
+def emit_interpreted(program: Program, equations: Equations, start: Program | None = None) -> tuple[Source, dict[str, Any]]:
+    """The file for the interpreter, and the offsets in it: of a mechanism, or of a system with the mechanism that starts its runs."""
+    if isinstance(equations, RecursiveEquations):
+        driver, described = "recursive", describe_mechanism(program, equations)
+    else:
+        assert isinstance(equations, SystemEquations)
+        assert start is not None
+        assert equations.plan is not None
+        driver = "lagrangian"
+        described = {"start": describe_mechanism(start, equations.start), **_describe_system(program, equations, equations.plan)}
     text = json.dumps(described)
     digest = hashlib.sha256(text.encode()).hexdigest()
     return Source(stem=equations.topology.model.name, files={"program.json": text}, digest=digest, driver=driver), described

@@ -18,20 +18,26 @@ from cutjoint.program.blocks import Builder
 from cutjoint.program.indicators import Domain, EventIndicator
 
 FRICTION = "load of friction"  #: the stage of sections in which friction loads may be undefined
+_STATE = ("const Real* q", "const Real* v")
 
 # Indicators
 
 
-def events_function(indicators: Sequence[EventIndicator]) -> tuple[Function, ...]:
-    """The function ``events``: q, v -> the values of the indicators; none if there are none."""
-    arguments = ("const Real* q", "const Real* v", "Real* value")
-    results = {f"value:{i}": indicator.value for i, indicator in enumerate(indicators)}
-    return (Function(name="events", arguments=arguments, results=results),) if indicators else ()
+def check_functions(indicators: Sequence[EventIndicator], domains: Sequence[Domain]) -> Iterator[Function]:
+    """The functions ``events``, q, v -> the values of the indicators, and ``domains``, q, v, lambda -> margins; neither without results.
+    The multipliers lambda affect friction loads only."""
+    of_multipliers = (*_STATE, "const Real* lambda")
+    found = (("events", _STATE, "value", [x.value for x in indicators]), ("domains", of_multipliers, "inside", [x.margin for x in domains]))
+    for name, state, array, values in found:
+        if values:
+            results = {f"{array}:{i}": value for i, value in enumerate(values)}
+            yield Function(name=name, arguments=(*state, f"Real* {array}"), results=results)
 
 
-def value_slots(indicators: Sequence[EventIndicator]) -> dict[str, Slot]:
-    """The slots of the event indicators."""
-    return {f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(indicators))}
+def check_slots(indicators: Sequence[EventIndicator], domains: Sequence[Domain]) -> dict[str, Slot]:
+    """The slots of the event indicators and of the margins."""
+    numbers = (("value", len(indicators)), ("inside", len(domains)))
+    return {f"{array}:{i}": Slot(array=array, offset=i, names=(array,)) for array, number in numbers for i in range(number)}
 
 
 def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tuple[IndicatorPlace, ...]:
@@ -92,18 +98,6 @@ def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:
 
 
 # Domains
-
-
-def domains_function(domains: Sequence[Domain]) -> tuple[Function, ...]:
-    """The function ``domains``: q, v, lambda -> margins (lambda affects friction loads only); none without domains."""
-    arguments = ("const Real* q", "const Real* v", "const Real* lambda", "Real* inside")
-    results = {f"inside:{i}": domain.margin for i, domain in enumerate(domains)}
-    return (Function(name="domains", arguments=arguments, results=results),) if domains else ()
-
-
-def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
-    """The slots of the margins."""
-    return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
 
 
 def _function(name: str, stage: str) -> str:

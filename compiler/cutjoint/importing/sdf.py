@@ -142,7 +142,7 @@ class _Assembly:
         if axis_node and _KINDS[kind] in ("revolute", "prismatic"):
             axis = self._axis(axis_node, name)
         resisting: Joint | Loop
-        if child == _WORLD or child in self._carrier or self._is_attached_to(parent, child):
+        if child == _WORLD or child in self._carrier or child in (joint.parent for joint in self._robot.inwards(self._carrier, parent)):
             resisting = loop = Loop(name, node, _KINDS[kind], (parent, child), first, second, axis)
             self._robot.loops.append(loop)
         else:
@@ -183,11 +183,6 @@ class _Assembly:
                 found = self._find(said, scope)
             name = found or where.refuse(f"is fixed to '{said[:60]}', which is not there", "correct the name")
         return name
-
-    def _is_attached_to(self, link: str, ancestor: str) -> bool:
-        while link in self._carrier and link != ancestor:
-            link = self._carrier[link].parent
-        return link == ancestor
 
     def _pose(self, name: str, within: str = "") -> Pose:
         """The global pose of a link, a joint, a frame or a model, or that ``within`` a model."""

@@ -57,16 +57,11 @@ def derive_closure(joint: Joint) -> ClosureKernel:
 @cache
 def _jacobian_and_drift(residual: Matrix) -> tuple[Matrix, Matrix]:
     """The Jacobian and the drift of a residual, which joints of a kind have in common."""
-    rates = _rates()
-    velocity = _along(residual, rates)
-    return velocity.jacobian(list(V) + list(W)), _along(velocity, rates)
-
-
-def _rates() -> dict[Scalar, Scalar]:
     rates = dict(zip(P, V + W.cross(P), strict=True))
     for direction in F:
         rates |= dict(zip(direction, W.cross(direction), strict=True))
-    return rates
+    velocity = _along(residual, rates)
+    return velocity.jacobian(list(V) + list(W)), _along(velocity, rates)
 
 
 def _along(expressions: Matrix, rates: dict[Scalar, Scalar]) -> Matrix:

@@ -213,11 +213,6 @@ def legend(*, with_loops: bool) -> Table:
     return facts("words", [(word, meaning) for word, meaning, of_loops in _LEGEND if with_loops or not of_loops])
 
 
-def indeterminate_reactions(columns: Iterable[str]) -> str:
-    """The line of `check` about components of reactions that mechanics does not determine."""
-    return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
-
-
 def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that lock coordinates at the start and vanish in motion; none if no coordinate is locked."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]

@@ -6,6 +6,7 @@ a `Result`.  A task of another kind is a row there, and its options a class of `
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -69,21 +70,17 @@ def _design(axis: Array) -> int:
 Task: TypeAlias = Callable[[Mapping[str, float]], Result]
 
 
-def _kinematics(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+def _kinematics(model: Model, scene: Scene, options: Mapping[str, Any], parameters: Mapping[str, float]) -> Result:
     over = options.get("over", "travel")
     task_options = {name: value for name, value in options.items() if name != "over"}
-
-    def find(parameters: Mapping[str, float]) -> Result:
-        found = find_kinematics(model, parameters=parameters, only=(over,), **task_options)
-        if over not in found.sweeps:
-            raise RunError(f"axle '{found.axle.name}' is not steered: it has no kinematics over {over}")
-        if found.limits:
-            raise RunError(found.limits[0])
-        units = {name: "" if unit == "1" else unit for name, unit in found.units.items()}
-        columns, lead = found.sweeps[over], LEADING[over]
-        return Result(units=units, find=columns.__getitem__, axis=columns[lead], axis_unit=found.units[lead])
-
-    return find
+    found = find_kinematics(model, parameters=parameters, only=(over,), **task_options)
+    if over not in found.sweeps:
+        raise RunError(f"axle '{found.axle.name}' is not steered: it has no kinematics over {over}")
+    if found.limits:
+        raise RunError(found.limits[0])
+    units = {name: "" if unit == "1" else unit for name, unit in found.units.items()}
+    columns, lead = found.sweeps[over], LEADING[over]
+    return Result(units=units, find=columns.__getitem__, axis=columns[lead], axis_unit=found.units[lead])
 
 
 def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
@@ -141,22 +138,18 @@ def _modal_assurance(one: Mode, other: Mode) -> float:
     return float(abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a).real * np.vdot(b, b).real))
 
 
-def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+def _response(model: Model, scene: Scene, options: Mapping[str, Any], parameters: Mapping[str, float]) -> Result:
     inputs, outputs = ([options[name]] if name in options else [] for name in ("input", "output"))
     at, band = options.get("at"), {name: options.get(name) for name in ("from_", "to")}
-
-    def find(parameters: Mapping[str, float]) -> Result:
-        near: LinearModel = find_scene_linear_model(model, scene, at=at, inputs=inputs, outputs=outputs, parameters=parameters)
-        frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]) if any(band.values()) else None, dict[str, str]()
-        for output in near.outputs:
-            for source in near.inputs:
-                above, below = near.units.get(output, ""), near.units.get(source, "")
-                gain = f"({above or 1})/({below})" if below else above
-                numbers = {"peak": gain, "peak_frequency": "Hz", "bandwidth": "Hz", "gain_margin": "", "phase_margin": "deg"}
-                units |= {f"{output}/{source}.{name}": unit for name, unit in numbers.items()}
-        return Result(units=units, find=lambda name: _number_of(near, name, frequencies))
-
-    return find
+    near: LinearModel = find_scene_linear_model(model, scene, at=at, inputs=inputs, outputs=outputs, parameters=parameters)
+    frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]) if any(band.values()) else None, dict[str, str]()
+    for output in near.outputs:
+        for source in near.inputs:
+            above, below = near.units.get(output, ""), near.units.get(source, "")
+            gain = f"({above or 1})/({below})" if below else above
+            numbers = {"peak": gain, "peak_frequency": "Hz", "bandwidth": "Hz", "gain_margin": "", "phase_margin": "deg"}
+            units |= {f"{output}/{source}.{name}": unit for name, unit in numbers.items()}
+    return Result(units=units, find=lambda name: _number_of(near, name, frequencies))
 
 
 def _number_of(near: LinearModel, name: str, frequencies: Array | None) -> float:
@@ -171,29 +164,26 @@ def _number_of(near: LinearModel, name: str, frequencies: Array | None) -> float
     return margins.gain if number == "gain_margin" else margins.phase
 
 
-def _inverse(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
-    def find(parameters: Mapping[str, float]) -> Result:
-        found = InverseDynamics(model, scene, dict(parameters), tuple(options.get("drives", ()))).find(None)
-        return Result(units=found.units, find=found.forces.__getitem__, axis=found.t, axis_unit="s")
-
-    return find
+def _inverse(model: Model, scene: Scene, options: Mapping[str, Any], parameters: Mapping[str, float]) -> Result:
+    found = InverseDynamics(model, scene, dict(parameters), tuple(options.get("drives", ()))).find(None)
+    return Result(units=found.units, find=found.forces.__getitem__, axis=found.t, axis_unit="s")
 
 
-def _equilibrium(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
-    def find(parameters: Mapping[str, float]) -> Result:
-        found = find_scene_equilibrium(model, scene, parameters=parameters)
-        numbers, units = dict(found.values), dict(found.units)
-        if found.trim is not None:
-            numbers |= found.trim.unknowns
-            units |= found.trim.units
-        return Result(units=units, find=numbers.__getitem__)
-
-    return find
+def _equilibrium(model: Model, scene: Scene, options: Mapping[str, Any], parameters: Mapping[str, float]) -> Result:
+    found = find_scene_equilibrium(model, scene, parameters=parameters)
+    numbers, units = dict(found.values), dict(found.units)
+    if found.trim is not None:
+        numbers |= found.trim.unknowns
+        units |= found.trim.units
+    return Result(units=units, find=numbers.__getitem__)
 
 
-#: Functions that make the tasks whose results can be objectives, and the reductions of each.
+#: Functions that make the tasks whose results can be objectives. Modes of runs are tracked from those that are found once.
 TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
-    "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse, "equilibrium": _equilibrium,
+    "modes": _modes,
+    **{name: partial(partial, find) for name, find in (
+        ("kinematics", _kinematics), ("response", _response), ("inverse", _inverse), ("equilibrium", _equilibrium),
+    )},
 }  # fmt: skip
 
 

@@ -27,10 +27,4 @@ inline Json read_json(const std::string& path) {
   return Json::parse(in);
 }
 
-/// Print a summary; the exit status that goes with it.
-inline int conclude(const Json& summary) {
-  std::cout << summary << std::endl;
-  return summary.at("status") == "done" ? 0 : 1;
-}
-
 }  // namespace cutjoint

@@ -41,7 +41,9 @@ int run_program(int argc, char** argv, const char* name, auto perform) {
     const Json file = read_json(argv[1]);
     report_write_errors();
     if (file.value("ends_with_stdin", false)) stop_with_standard_input();
-    return conclude(perform(file));
+    const Json summary = perform(file);
+    std::cout << summary << std::endl;
+    return summary.at("status") == "done" ? 0 : 1;
   } catch (const std::bad_alloc&) {
     std::cerr << "error: the run needs more memory than there is; write an earlier end, or a larger dt or output_step" << std::endl;
     return 2;

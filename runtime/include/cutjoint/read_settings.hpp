@@ -63,8 +63,4 @@ Steps count_steps(const RunSettings& settings, bool row_each = false) {
   return {static_cast<long>(number), static_cast<long>(stride)};
 }
 
-/// The total length of a run's steps, s.
-template <class Real>
-double length_of(const RunSettings& settings) { return static_cast<double>(count_steps<Real>(settings).number) * settings.dt; }
-
 }  // namespace cutjoint

@@ -54,7 +54,8 @@ class Run {
     if (begun_ && !goes_on()) summary["start"] = initial_state_.found();
     if (table_) summary["rows"] = table_->rows();
     if (table_) summary["bytes"] = table_->end().bytes;
-    close_files();
+    for (auto* table : {&steps_table_, &coordinates_, &table_})  // the run's is the last: when its lock is released, the others are complete
+      if (*table) (*table)->close();
     return summary;
   }
 
@@ -170,26 +171,16 @@ class Run {
   bool goes_on() const { return file_.contains("initial_state"); }
 
   void open_tables() {
-    table_.emplace(file_, "out");
-    if (!goes_on()) table_->header(method_.columns());
+    const auto open = [this](std::optional<Table>& table, const char* key, const auto& columns) {
+      table.emplace(file_, key);
+      if (!goes_on()) table->header(columns);
+    };
+    open(table_, "out", method_.columns());
     values_.resize(method_.columns().size());
     if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
       if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
-    if (Table::is_requested(file_, "steps_out")) {
-      steps_table_.emplace(file_, "steps_out");
-      if (!goes_on()) steps_table_->header(Method::step_columns);
-    }
-    if (Table::is_requested(file_, "coordinates_out")) {
-      coordinates_.emplace(file_, "coordinates_out");
-      if (!goes_on()) coordinates_->header(method_.coordinates());
-    }
-  }
-
-  /// The run's table is closed last: when its lock is released, the others are complete.
-  void close_files() {
-    if (steps_table_) steps_table_->close();
-    if (coordinates_) coordinates_->close();
-    if (table_) table_->close();
+    if (Table::is_requested(file_, "steps_out")) open(steps_table_, "steps_out", Method::step_columns);
+    if (Table::is_requested(file_, "coordinates_out")) open(coordinates_, "coordinates_out", method_.coordinates());
   }
 
   void write() {

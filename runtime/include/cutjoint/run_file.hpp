@@ -64,15 +64,6 @@ class RunInputs {
   std::vector<Trajectory<Real>> trajectories_;
 };
 
-template <class Real>
-std::vector<Piece<Real>> read_pieces(const Json& list) {
-  std::vector<Piece<Real>> pieces;
-  for (const Json& p : list)
-    pieces.push_back({read_word<PieceKind>(p, "kind", {{"line", PieceKind::line}, {"arc", PieceKind::arc}, {"cosine", PieceKind::cosine}}),
-                      read_number<Real>(p, "start"), read_number<Real>(p, "a"), read_number<Real>(p, "b"), read_number<Real>(p, "c")});
-  return pieces;
-}
-
 /// The surface of a run file's road, with its heights and patches.
 template <class Real>
 class SurfaceData {
@@ -157,8 +148,11 @@ class Roads {
 
  private:
   Track<Real> keep(const Json& list) {
-    const std::vector<Piece<Real>>& pieces = pieces_.emplace_back(read_pieces<Real>(list));
+    std::vector<Piece<Real>>& pieces = pieces_.emplace_back();
     std::vector<Real>& breaks = breaks_.emplace_back();
+    for (const Json& p : list)
+      pieces.push_back({read_word<PieceKind>(p, "kind", {{"line", PieceKind::line}, {"arc", PieceKind::arc}, {"cosine", PieceKind::cosine}}),
+                        read_number<Real>(p, "start"), read_number<Real>(p, "a"), read_number<Real>(p, "b"), read_number<Real>(p, "c")});
     for (std::size_t i = 1; i < pieces.size(); ++i) breaks.push_back(pieces[i].start);
     return {.pieces = pieces, .breaks = breaks};
   }

@@ -38,15 +38,10 @@ struct RunSettings {
   StabilisationSettings stabilisation;
 };
 
-/// The fixed point of a run.
-inline FixedPoint fixed_point_of(const RunSettings& settings) {
-  return {settings.tolerance, settings.iterations, settings.multiplier_updates, is_projected(settings.stabilisation.closure),
-          settings.fixed_cost};
-}
-
 /// The settings of a simulation whose inputs are known up to its end.
 inline SimulationSettings simulation_settings(const RunSettings& settings) {
-  return {.stabilisation = settings.stabilisation, .fixed_point = fixed_point_of(settings), .dt = settings.dt, .end = settings.end,
+  const FixedPoint fixed_point{settings.tolerance, settings.iterations, settings.multiplier_updates, is_projected(settings.stabilisation.closure), settings.fixed_cost};
+  return {.stabilisation = settings.stabilisation, .fixed_point = fixed_point, .dt = settings.dt, .end = settings.end,
           .penalty = settings.penalty, .tolerance = settings.tolerance, .absolute_tolerance = settings.absolute_tolerance.value_or(0.0),
           .most_steps = std::numeric_limits<long>::max(), .equilibrium = settings.pose == Pose::equilibrium, .events = settings.events, .foresees = true,
           .spectral_radius = settings.spectral_radius};

@@ -171,7 +171,7 @@ class Simulated {
       if constexpr (std::is_constructible_v<Own, const RunSettings&>) return Own(settings);
       else return simulation_settings(settings);
     }();
-    if (settings.task == Task::simulate || settings.task == Task::realtime) own.end = length_of<Real>(settings);
+    if (settings.task == Task::simulate || settings.task == Task::realtime) own.end = static_cast<double>(count_steps<Real>(settings).number) * settings.dt;
     return own;
   }
 

@@ -18,7 +18,7 @@ from functools import cached_property
 from itertools import product
 
 from cutjoint.formulate import inputs, records
-from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
+from cutjoint.formulate.events import check_functions, check_slots, describe_domains, describe_indicators
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit import contributions
 from cutjoint.formulate.implicit.motions import (
@@ -103,12 +103,12 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(records.Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(indicators), *domains_function(domains), *laws.functions,
+            *functions, *guard_function(margins), *check_functions(indicators, domains), *laws.functions,
             *sample_function(b, k.translator, model, reporter.quantity), *(fit.function for fit in fits),
         ), method="recursive-newton",
         slots={
-            **_slots(start), **inputs.column_slots(outputs), **margin_slots(model, scene), **value_slots(indicators),
-            **domain_slots(domains), **laws.slots, **records.energy_slots(), **sample_slots(model), **fit_slots(fits),
+            **_slots(start), **inputs.column_slots(outputs), **margin_slots(model, scene), **check_slots(indicators, domains),
+            **laws.slots, **records.energy_slots(), **sample_slots(model), **fit_slots(fits),
         },
         start=start, state=start.state, load_arguments=records.LOAD_ARGUMENTS,
         indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,

@@ -98,13 +98,13 @@ def formulate_lagrangian(
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(records.Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events.events_function(indicators), *events.domains_function(domains), *laws.functions,
+            *functions, *guard_function(margins), *events.check_functions(indicators, domains), *laws.functions,
             *sample_function(b, motions.translator, model, reporter.quantity),
         ), method=method,
         slots={
             **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
-            **column_slots(outputs), **margin_slots(model, scene, unheld), **events.value_slots(indicators),
-            **events.domain_slots(domains), **laws.slots, **records.energy_slots(), **sample_slots(model),
+            **column_slots(outputs), **margin_slots(model, scene, unheld), **events.check_slots(indicators, domains),
+            **laws.slots, **records.energy_slots(), **sample_slots(model),
         },
         indicators=events.describe_indicators(b, indicators), domains=events.describe_domains(b, domains),
         inputs=laws.inputs, input_values=laws.length, start=start, state=system.state, layout=layout, constraints=system.constraints,

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from cutjoint.formulate import inputs
-from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
+from cutjoint.formulate.events import check_functions, check_slots, describe_domains, describe_indicators
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
@@ -125,8 +125,7 @@ def formulate_recursive(
         }),
         *inputs.aims_function(b, reporter.quantity, aims),
         *guard_function(margins),
-        *events_function(indicators),
-        *domains_function(domains),
+        *check_functions(indicators, domains),
         *laws.functions,
         *sample_function(b, k.translator, model, reporter.quantity),
         *(poses_function(k, model, find_contacts(system, k, model, scene)) if poses else ()),
@@ -140,7 +139,7 @@ def formulate_recursive(
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
             **layout.closure_slots(("lambda", "correction", "residual", "rate", "violation")), **inputs.column_slots(outputs),
             **inputs.column_slots(aims, "aim"),
-            **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains), **laws.slots, **energy_slots(),
+            **margin_slots(model, scene), **check_slots(indicators, domains), **laws.slots, **energy_slots(),
             **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),
         },

@@ -10,7 +10,7 @@ import sympy
 
 from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import Body, Joint, Model, Vector
+from cutjoint.model.records import Body, Model, Vector
 
 #: A rod's moment of inertia about its own axis, as a share of that across it: that of a round bar 77 times as long as thick.
 AXIAL = 1e-3
@@ -55,13 +55,10 @@ def _span(model: Model, body: str) -> tuple[Vector, Vector] | None:
     def length(ends: tuple[Vector, Vector]) -> float:
         return math.dist(*([evaluate(sympy.sympify(e), values) for e in end] for end in ends))
 
-    pairs = list(combinations([p for joint in model.joints for p in _points(joint, body)], 2))
+    points = [p for j in model.joints for end, p in ((j.base, j.at), (j.follower, j.to or j.at)) if end == body]
+    pairs = list(combinations(points, 2))
     farthest = max(pairs, key=length, default=None)
     return farthest if farthest is not None and length(farthest) > 0 else None
-
-
-def _points(joint: Joint, body: str) -> list[Vector]:
-    return [joint.at] * (joint.base == body) + [joint.to or joint.at] * (joint.follower == body)
 
 
 def _rod(body: Body, mass: float, ends: tuple[Vector, Vector] | None) -> Body:

@@ -14,7 +14,7 @@ from cutjoint.model.elements.geometry import least_component
 from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED
-from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Visual
+from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Visual
 
 ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}  #: the angles of a body by the axis that each turns about
 
@@ -126,18 +126,12 @@ def _tangent_sign(mirror: Mirror, joint: Joint) -> int:
     return mirror.signs[least_component((x, y, z))]
 
 
-def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None:
-    if joint.guide is None:
-        return None
-    return tuple(sign * guide for sign, guide in zip(signs.values(), joint.guide, strict=False))
-
-
 def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
     image = mirror.rotation if joint.element.axis_mirrors_as_rotation else mirror.vector
     return replace(
         joint, at=mirror.vector(joint.at), axes=tuple(image(axis) for axis in joint.axes),
         to=None if joint.to is None else mirror.vector(joint.to), pitch=None if joint.pitch is None else -joint.pitch,
-        guide=_guides(joint, signs),
+        guide=joint.guide and tuple(sign * guide for sign, guide in zip(signs.values(), joint.guide, strict=False)),
     )  # fmt: skip
 
 

@@ -30,34 +30,22 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   return moved > Real(1e-6) ? static_cast<int>(coordinate) : -1;  // less is rounding beside the multipliers of dependent equations
 }
 
-/// The failure of a singular tangent, with the unresisted coordinate if there is one.
-Failure explain_singular(const SystemDescription& d, const auto* tangent, Failure failure) {
-  if (const int coordinate = unresisted_coordinate(d, tangent); coordinate >= 0) {
-    failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
-    failure.advice = "this coordinate can move without moving mass or meeting an equation: give it mass or hold it";
-  } else {
-    failure.advice = "equations may depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily dependent equations";
+/// A failure of Newton's iteration, explained by the last tangent if that has no factors: with the unresisted coordinate if there is one.
+/// This distinguishes an unresisted motion, whose pivot is rounding and so not positive, from negative stiffness.
+Failure explain_tangent(const SystemDescription& d, const Fault& fault, const auto* tangent, Failure failure) {
+  const bool is_classical = d.method == Lagrangian::classical;
+  if (fault.cause == (is_classical ? Cause::tangent_singular : Cause::tangent_not_positive)) {
+    if (const int coordinate = unresisted_coordinate(d, tangent); coordinate >= 0) {
+      failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
+      failure.advice = is_classical
+                           ? "this coordinate can move without moving mass or meeting an equation: give it mass or hold it"
+                           : "in this pose the coordinate can move without moving mass or meeting an equation, as of a massless body in line with what "
+                             "it moves: give that body mass and inertia, or start from another pose";
+    } else if (is_classical) {
+      failure.advice = "equations may depend on each other here; try: another dt, or method augmented, which tolerates redundant and momentarily dependent equations";
+    }
   }
-  return failure;
-}
-
-/// The failure of a pivot that is not positive distinguishes an unresisted motion, whose pivot is rounding, from negative stiffness.
-Failure explain_not_positive(const SystemDescription& d, const auto* tangent, Failure failure) {
-  const int coordinate = unresisted_coordinate(d, tangent);
-  if (coordinate < 0) return failure;
-  failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
-  failure.advice =
-      "in this pose the coordinate can move without moving mass or meeting an equation, as of a massless body in line with what it moves: give that body "
-      "mass and inertia, or start from another pose";
-  return failure;
-}
-
-/// A failure of Newton's iteration, explained by the last tangent if that has no factors.
-Failure explain_tangent(const SystemDescription& d, const Fault& fault, const auto* tangent, const Failure& failure) {
-  if (fault.cause == Cause::tangent_not_positive && d.method != Lagrangian::classical) return explain_not_positive(d, tangent, failure);
-  if (d.method != Lagrangian::classical) return failure;
-  if (fault.cause == Cause::tangent_singular) return explain_singular(d, tangent, failure);
-  if (fault.cause != Cause::pose_singular) return failure;
+  if (!is_classical || fault.cause != Cause::pose_singular) return failure;
   return Failure("classical: the pose is singular, or nearly: rates that satisfy the equations are a leap away", failure.time, failure.step,
                  failure.element, failure.residual,
                  "look for loops whose equations depend on each other there, or a massless body in line with what it moves; try: another dt, or method "
