@@ -22,8 +22,7 @@ def command(
     """Find the static equilibrium of MODEL, or solve the scene's trim, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     parameters, _ = options.read_parameters(changes), read_units(display)
-    checked = read_model(model, tunable=tunable)
-    checked, chosen = options.choose_case(checked, scene)
+    checked, chosen = options.choose_case(read_model(model, tunable=tunable), scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_scene_equilibrium(checked, chosen, parameters=parameters, neutral=True)
     values, units = in_units(found.values, found.units, display or checked.display)

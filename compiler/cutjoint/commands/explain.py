@@ -17,8 +17,7 @@ from cutjoint.run.scenes import method_of
 def command(model: Path, scene: str | None, method: str | None, reduced: bool, tunable: tuple[str, ...], out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what tunable parameters cost."""
     require_apart({"the model": model}, documents=[("--out", out)])
-    checked = read_model(model, tunable=tunable)
-    checked, chosen = options.choose_case(checked, scene)
+    checked, chosen = options.choose_case(read_model(model, tunable=tunable), scene)
     method = method or method_of(chosen)
     with options.progress_bar(f"explaining {model.name}"):
         variant = reduction_sequence(checked, chosen, method)[-1] if reduced else None

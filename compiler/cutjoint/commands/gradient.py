@@ -1,7 +1,7 @@
 """`cutjoint gradient`."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +82,7 @@ def command(
         names, derivatives = _without_driven_inputs(sim, names, found.derivatives)
         sim.restore(start)
         begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
-        _print_deviation(_error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives))
+        _print_deviation(_gaps(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives))
 
 
 def _require_numbers(path: Path, model: Model, by: Sequence[str]) -> None:
@@ -123,12 +123,11 @@ def _print_trim(
         return np.array([other[column] for column in columns])
 
     if check:
-        errors = [_deviation(of_value, name, values[name], row) for name, row in zip(names, derivatives.T, strict=True)]
-        _print_deviation(max(errors, default=0.0))
+        _print_deviation(_deviation(of_value, name, values[name], row) for name, row in zip(names, derivatives.T, strict=True))
 
 
-def _print_deviation(share: float) -> None:
-    options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative")
+def _print_deviation(shares: Iterable[float]) -> None:
+    options.out.print(f"largest deviation from finite differences: {max(shares, default=0.0):.1e} of the largest derivative")
 
 
 @dataclass(frozen=True)
@@ -222,30 +221,25 @@ def _fit_tables(found: _Result, names: Sequence[str], width: int) -> Iterator[Ta
     while columns:
         for number in range(len(columns), 0, -1):
             now = columns[:number]
-            headings, units = ([each[i] for i in now] for each in (found.columns, found.units))
-            made = _make_table(replace(found, columns=headings, units=units, values=found.values[now], derivatives=found.derivatives[now]),
-                names)
+            headings = [found.columns[i] for i in now]
+            values = (f"{found.values[i] + 0.0:.6g} {found.units[i]}" for i in now)
+            rows = ((name, *(f"{x + 0.0:.6g}" for x in row)) for name, row in zip(names, found.derivatives[now].T, strict=True))
+            cells, how = [("", *values), *rows], {"no_wrap": True, "overflow": "ignore"}
+            made = tables.table(found.title, ("by", *headings), cells, numbers=headings, **how)
             if number == 1 or Measurement.get(options.out, options.out.options.update(width=10_000), made).maximum <= width:
                 break
         yield made
         columns = columns[number:]
 
 
-def _make_table(found: _Result, names: Sequence[str]) -> Table:
-    values = (f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True))
-    rows = ((name, *(f"{x + 0.0:.6g}" for x in row)) for name, row in zip(names, found.derivatives.T, strict=True))
-    return tables.table(found.title, ("by", *found.columns), [("", *values), *rows], numbers=found.columns, no_wrap=True, overflow="ignore")
-
-
-def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> float:
-    """Largest deviation from fourth-order central differences, relative to the largest derivative by the same number."""
-    errors, start = [], sim.snapshot()
+def _gaps(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> Iterator[float]:
+    """Deviations from fourth-order central differences by each number, relative to the largest derivative by the same number."""
+    start = sim.snapshot()
     for name, row in zip(names, derivatives.T, strict=True):
         sim.restore(start)
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
         value = sim.get_input(name) if numbers is None else numbers[name]
-        errors.append(_deviation(trajectory, name, value, row))
-    return max(errors, default=0.0)
+        yield _deviation(trajectory, name, value, row)
 
 
 def _deviation(function: Callable[[str, float], Array], name: str, value: float, row: Array) -> float:

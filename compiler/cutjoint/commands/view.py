@@ -21,8 +21,7 @@ def command(
         raise RunError("--shared is of --live PORT")
     out = Path(f"{model.stem}.html") if out is None else out
     require_apart({"the model": model}, documents=[("--out", out)])
-    checked = read_model(model, tunable=tunable)
-    checked, chosen = options.choose_case(checked, scene)
+    checked, chosen = options.choose_case(read_model(model, tunable=tunable), scene)
     parameters = options.read_parameters(changes)
     if live is not None:
         with options.progress_bar(f"drawing {model.name}"):

@@ -134,14 +134,11 @@ def _can_be_read_again(request: Request) -> bool:
 def _cache_path(request: Request, content: bytes, kind: str = "runs") -> Path:
     code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
     requested = {**asdict(request), "model": str(request.model), "functions": code}
-    about = [sha256(content).hexdigest(), requested, *build_provenance(), *_extension_digests(request)]
+    by, additions = request.implementation, find_additions(request.options.solver)
+    extensions = [code_digest(IMPLEMENTATIONS.load(by).code)] if by in IMPLEMENTATIONS.packages else []
+    extensions += Kind(precision=request.precision, additions=additions).key
+    about = [sha256(content).hexdigest(), requested, *build_provenance(), *extensions]
     return cache_folder() / kind / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
-
-
-def _extension_digests(request: Request) -> tuple[str, ...]:
-    """Digests of all that the run follows from besides the product. Raises MissingPackageError: it is not installed."""
-    name, kind = request.implementation, Kind(precision=request.precision, additions=find_additions(request.options.solver))
-    return *((code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()), *kind.key
 
 
 def build_provenance() -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.export.robots import WORLD, Tree, problem_of, text_of, variables_of
+from cutjoint.export.robots import WORLD, Tree, text_of, variables_of
 from cutjoint.model.errors import Problem
 from cutjoint.model.expressions.choices import Case, Choice
 from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Model, Scene
@@ -83,14 +83,14 @@ class _Mjcf(Tree):
             moving[child] = moving[parent] or joint.kind != "fixed"
             body = self.bodies[child]
             if joint.kind == "free" and parent != GROUND:
-                yield problem_of(joint.span, f"joint '{joint.name}'", "a free joint of MuJoCo is one of the ground", "begin it there")
+                yield Problem(joint.span, f"joint '{joint.name}'", "a free joint of MuJoCo is one of the ground", "begin it there")
             if self._light(body) and child not in self._merged and (np.any(self.vector(body.inertia)) or joint.kind != "fixed"):
                 message = "MuJoCo has no bodies without mass that move or have inertia"
-                yield problem_of(body.span, f"body '{child}'", message, f"give it some by --link-mass '{child}=KG'")
+                yield Problem(body.span, f"body '{child}'", message, f"give it some by --link-mass '{child}=KG'")
         for gear in self.model.gears:
             if gear.law is not None and self._polynomial(gear) is None:
                 message = "is no polynomial of the fourth degree"
-                yield problem_of(gear.span, f"gear '{gear.name}'", message, "MuJoCo has no other laws; write such a one")
+                yield Problem(gear.span, f"gear '{gear.name}'", message, "MuJoCo has no other laws; write such a one")
 
     def _light(self, body: Body) -> bool:
         return self.number(body.mass) == 0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import GROUND, BallSpring, Binding, Body, Force, Gear, Joint, JointFriction, Model, Span
+from cutjoint.model.records import GROUND, BallSpring, Binding, Body, Force, Gear, Joint, JointFriction, Model
 
 _TREE = {"fixed": "fixed", "revolute": "continuous", "prismatic": "prismatic", "free": "floating", "spherical": "spherical"}
 _LOOPS = {"fixed": "fixed", "revolute": "revolute", "prismatic": "prismatic", "spherical": "spherical"}
@@ -75,7 +75,7 @@ class Tree:
             ready = next((j for j in waiting if j.base in self.origins or j.follower in self.origins), None)
             if ready is None:
                 name = f"joint '{waiting[0].name}'"
-                raise ModelError([problem_of(waiting[0].span, name, "is attached to nothing", "connect it to the ground")])
+                raise ModelError([Problem(waiting[0].span, name, "is attached to nothing", "connect it to the ground")])
             waiting.remove(ready)
             if ready.base in self.origins and ready.follower in self.origins:
                 self.loops.append(ready)
@@ -90,18 +90,18 @@ class Tree:
             for j in joints:
                 if j.kind not in kinds:
                     message = f"{self.title} has no joint of kind {j.kind} there"
-                    yield problem_of(j.span, f"joint '{j.name}'", message, f"write it by joints that {self.title} has")
+                    yield Problem(j.span, f"joint '{j.name}'", message, f"write it by joints that {self.title} has")
                 elif j.guide is not None:
-                    yield problem_of(j.span, f"joint '{j.name}'", f"{self.title} has no guides", "leave the guide out")
+                    yield Problem(j.span, f"joint '{j.name}'", f"{self.title} has no guides", "leave the guide out")
         closing = {joint.name for joint in self.loops}
         for gear in self.model.gears:
             if found := closing.intersection(gear.joints):
                 message = f"relates '{min(found)}', which closes a loop"
-                yield problem_of(gear.span, f"gear '{gear.name}'", message, "write another joint of its loop last")
+                yield Problem(gear.span, f"gear '{gear.name}'", message, "write another joint of its loop last")
         for word, elements in (("body", self.model.bodies), ("marker", self.model.markers)):
             for element in elements:
                 if element.name == WORLD:
-                    yield problem_of(element.span, f"{word} '{WORLD}'", f"{self.title} calls the ground so", "rename it")
+                    yield Problem(element.span, f"{word} '{WORLD}'", f"{self.title} calls the ground so", "rename it")
 
     def number(self, value: Any) -> float:
         """The value of an expression over parameters."""
@@ -183,11 +183,11 @@ class _Urdf(Tree):
         yield from super().problems()
         for j in self.model.joints:
             if j.armature != 0:
-                yield problem_of(j.span, f"joint '{j.name}'", "URDF has no armature", "leave it out, or export to mjcf")
+                yield Problem(j.span, f"joint '{j.name}'", "URDF has no armature", "leave it out, or export to mjcf")
         for gear in self.model.gears:
             if gear.law is not None or (gear.others and not self._coupling(gear)):
                 hint = "relate two joints, or turns of two bodies, by a ratio"
-                yield problem_of(gear.span, f"gear '{gear.name}'", "URDF has no such relation", hint)
+                yield Problem(gear.span, f"gear '{gear.name}'", "URDF has no such relation", hint)
 
     def text(self) -> str:
         """The whole file."""
@@ -315,11 +315,6 @@ class _Urdf(Tree):
             SubElement(SubElement(root, "transmission", name=force.name), "joint", name=force.joint_of)
         elif not self.is_resistance(force):
             self._unwritten.append(force.name)
-
-
-def problem_of(span: Span, element: str, message: str, hint: str) -> Problem:
-    """A problem of an element."""
-    return Problem(span=span, element=element, message=message, hint=hint)
 
 
 def text_of(values: Any) -> str:

@@ -101,7 +101,7 @@ def read_xml(path: Path) -> Node:
 
     def fail(message: str, hint: str = "") -> NoReturn:
         span = Span(file=file, line=parser.CurrentLineNumber, column=parser.CurrentColumnNumber + 1)
-        raise ModelError([Problem(span=span, element="file", message=message, hint=hint)])
+        raise ModelError([Problem(span, "file", message, hint)])
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
@@ -128,6 +128,6 @@ def read_xml(path: Path) -> Node:
     try:
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
-        span = Span(file=file, line=error.lineno, column=error.offset + 1)
-        raise ModelError([Problem(span=span, element="file", message=f"is no XML: {expat.ErrorString(error.code)}", hint="")]) from None
+        words = f"is no XML: {expat.ErrorString(error.code)}"
+        raise ModelError([Problem(Span(file=file, line=error.lineno, column=error.offset + 1), "file", words)]) from None
     return roots[0]

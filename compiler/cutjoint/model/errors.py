@@ -16,7 +16,7 @@ MAX_PROBLEMS = 1000  #: the number of noted problems before reading ends; those 
 MAX_COMPARED = 500  #: options that a wrong name is compared with
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Problem:
     """A problem in a model file: its place, its element, a message, and a hint at a remedy."""
 

@@ -93,10 +93,7 @@ def disconnected_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen:
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     for body in bodies:
         if body.name not in reached:
-            yield Problem(
-                span=body.span, element=f"body '{body.name}'", message="the cut joints disconnect it from the ground",
-                hint="leave one of its joints uncut",
-            )  # fmt: skip
+            yield Problem(body.span, f"body '{body.name}'", "the cut joints disconnect it from the ground", "leave one of its joints uncut")
 
 
 def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> Iterator[Problem]:

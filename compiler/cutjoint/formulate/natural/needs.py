@@ -64,17 +64,12 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
     requested += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
     requested += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
     requested += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
+    hint = "use --method recursive"
     if rotors := [joint for joint in model.joints if joint.armature != 0]:
-        message, hint = "natural coordinates have no armatures of joints", "use --method recursive"
-        raise ModelError([Problem(span=j.span, element=f"joint '{j.name}'", message=message, hint=hint) for j in rotors])
+        raise ModelError([Problem(j.span, f"joint '{j.name}'", "natural coordinates have no armatures of joints", hint) for j in rotors])
     if requested:
-        raise ModelError([
-            Problem(
-                span=span, element=element, message=f"natural coordinates do not have the coordinates of a {kind} joint",
-                hint="use --method recursive",
-            )
-            for kind, span, element in requested
-        ])  # fmt: skip
+        words = "natural coordinates do not have the coordinates of a"
+        raise ModelError([Problem(span, element, f"{words} {kind} joint", hint) for kind, span, element in requested])
 
 
 def requested_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[tuple[Joint, str]]:

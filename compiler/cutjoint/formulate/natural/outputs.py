@@ -53,10 +53,8 @@ def slide_forces(layout: Layout, model: Model, joint: Joint) -> Iterator[tuple[F
 
 
 def _refusal(reaction: Reaction, message: str) -> Problem:
-    return Problem(
-        span=reaction.span, element=f"reaction '{reaction.name}'", message=message,
-        hint="use --method recursive or recursive-newton, or leave this output out",
-    )  # fmt: skip
+    hint = "use --method recursive or recursive-newton, or leave this output out"
+    return Problem(reaction.span, f"reaction '{reaction.name}'", message, hint)
 
 
 def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Joint) -> FreeBody:

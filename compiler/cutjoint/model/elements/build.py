@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy
 
@@ -20,7 +20,7 @@ from cutjoint.model.elements.mass import read_mass
 from cutjoint.model.expressions.laws import LawKind, dimension_of_table, read_law, read_lookup
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import Element as Quantified
-from cutjoint.model.expressions.scope import FAILED, Element, Scope, element, with_points
+from cutjoint.model.expressions.scope import FAILED, Element, Scope, element
 from cutjoint.model.expressions.units import ANGLE, INERTIA, LENGTH, MASS, TIME
 from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import (
@@ -69,7 +69,7 @@ class Elements:
 
 def read_elements(scope: Scope, part: model_file.Elements) -> Elements:
     """Read all elements of the model, or of a submodel in one instance's scope."""
-    scope = with_points(scope, read_points(scope, part))
+    scope = replace(scope, points=read_points(scope, part))
     forces = (
         *(read_force(element(scope, "force", "forces", name), force) for name, force in part.forces.items()),
         *(f for name, joint in part.joints.items() for f in joint_forces(element(scope, "joint", "joints", name), joint)),
@@ -91,7 +91,7 @@ def read_elements(scope: Scope, part: model_file.Elements) -> Elements:
 def read_points(scope: Scope, part: model_file.Elements) -> Mapping[str, Vector]:
     """The points, each able to use those above it; an instance may give the positions of points."""
     points: dict[str, Vector] = {}
-    scope = with_points(scope, points)
+    scope = replace(scope, points=points)
     for name, point in part.points.items():
         points[name] = scope.instance_points.get(name) or read_point(element(scope, "point", "points", name), point, ())
     return points

@@ -26,7 +26,7 @@ from cutjoint.model.expressions.operations import Term
 from cutjoint.model.expressions.parameters import read_parameters
 from cutjoint.model.expressions.parse import quantities_read
 from cutjoint.model.expressions.quantities import Element as Quantified
-from cutjoint.model.expressions.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, with_points
+from cutjoint.model.expressions.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope
 from cutjoint.model.expressions.tunable import TunableNumbers
 from cutjoint.model.files.property_file import MASSES, default_of
 from cutjoint.model.records import DerivedParameter, Parameter, Vector
@@ -234,7 +234,7 @@ def _points(where: Element, use: Use) -> dict[str, Vector]:
         return {}
     _match_keys(where, "points", points, tuple(use.submodel.points), "point", use.instance.use, needed=())
     around = read_points(replace(where.scope, problems=IgnoredProblems()), use.around[-1].part)
-    inner = replace(where, scope=with_points(where.scope, around))
+    inner = replace(where, scope=replace(where.scope, points=around))
     return {name: read_point(inner, point, ("points", name)) for name, point in points.items()}
 
 

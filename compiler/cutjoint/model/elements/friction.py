@@ -140,6 +140,4 @@ def bristle_of(force: JointFriction) -> FirstOrderState:
 
 def refuse_friction(model: Model, names: Collection[str], message: str, hint: str) -> ModelError:
     """The error that some of a model's load-dependent forces cannot be computed."""
-    return ModelError(
-        [Problem(span=f.span, element=f"force '{f.name}'", message=message, hint=hint) for f in model.forces if f.name in names]
-    )
+    return ModelError([Problem(f.span, f"force '{f.name}'", message, hint) for f in model.forces if f.name in names])

@@ -43,8 +43,7 @@ def _problems(model: Model, links: Sequence[Body], pattern: str, mass: float) ->
         hint = nearest(pattern, [body.name for body in links]) or "it has none"
         problems.append(Problem(span=model.span, element=element, message="no massless body of the model has this name", hint=hint))
     if not (mass > 0 and math.isfinite(mass)):
-        message = f"mass needs a positive number of kg, got {mass:g}"
-        problems.append(Problem(span=model.span, element=element, message=message))
+        problems.append(Problem(model.span, element, f"mass needs a positive number of kg, got {mass:g}"))
     return problems
 
 

@@ -67,7 +67,7 @@ def _slopes(points: Sequence[float], ordinates: Sequence[Scalar]) -> list[Scalar
 
 
 def _butland(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
-    is_monotone = _is_above(secants[0] * secants[1], 0)
+    is_monotone = _is_positive(secants[0] * secants[1])
     if is_monotone is False:
         return 0.0
     left, right = steps[0] + 2 * steps[1], 2 * steps[0] + steps[1]
@@ -75,20 +75,17 @@ def _butland(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
     return _either(is_monotone, (left + right) / (right / second + left / first), 0.0)
 
 
-def _is_above(value: Scalar, limit: Scalar) -> Any:
-    """Return whether a value is above a limit: True or False of numbers, a condition of expressions."""
-    difference = value - limit
-    if getattr(difference, "free_symbols", ()):
-        return sympy.StrictGreaterThan(value, limit, evaluate=False)
-    return bool(value > limit)
+def _is_positive(value: Scalar) -> Any:
+    """Return whether a value is above zero: True or False of numbers, a condition of expressions."""
+    return sympy.StrictGreaterThan(value, 0, evaluate=False) if getattr(value, "free_symbols", ()) else bool(value > 0)
 
 
 def _end_slope(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
     """The three-point slope at an end, limited so that the curve stays monotone."""
     slope = ((2 * steps[0] + steps[1]) * secants[0] - steps[0] * secants[1]) / (steps[0] + steps[1])
     first, most = secants[0], 3 * secants[0]
-    agrees, is_monotone = _is_above(slope * first, 0), _is_above(first * secants[1], 0)
-    is_steep = _is_above((slope - most) * first, 0)  # where slope and first agree in sign
+    agrees, is_monotone = _is_positive(slope * first), _is_positive(first * secants[1])
+    is_steep = _is_positive((slope - most) * first)  # where slope and first agree in sign
     return _either(agrees, _either(is_monotone, slope, _either(is_steep, most, slope)), 0.0)
 
 

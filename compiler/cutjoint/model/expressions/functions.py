@@ -222,21 +222,21 @@ def supply(model: Model, path: AnyPath) -> Model:
     """Copy a model with the code of its functions, the text of a C++ file.
     Raises ModelError: the file cannot be read, the model declares no functions, or one of them is not in it."""
     if not model.functions:
-        raise _error(model.span, "model", f"it declares no functions, and {path} is to have their code", "leave the file out")
+        message = f"it declares no functions, and {path} is to have their code"
+        raise ModelError([Problem(model.span, "model", message, "leave the file out")])
     text = read_text(Path(path))
     missing = [(f, name) for f in model.functions for name in signatures_of(f) if not re.search(rf"\b{name}\b", text)]
     if missing:
-        raise ModelError(tuple(
-            Problem(span=f.span, element=f"function '{f.name}'", message=f"{path} has no {name}", hint=f"write {signatures_of(f)[name]}")
-            for f, name in missing
-        ))  # fmt: skip
+        described = ((f, f"{path} has no {name}", f"write {signatures_of(f)[name]}") for f, name in missing)
+        raise ModelError(Problem(f.span, f"function '{f.name}'", *words) for f, *words in described)
     return replace(model, code=text)
 
 
 def leave_to_host(model: Model) -> Model:
     """Copy a model whose functions have no code: hosts give each simulation pointers to it. Raises ModelError: it declares no functions."""
     if not model.functions:
-        raise _error(model.span, "model", "it declares no functions, and a host is to have their code", "leave the option out")
+        message = "it declares no functions, and a host is to have their code"
+        raise ModelError([Problem(model.span, "model", message, "leave the option out")])
     return replace(model, code=_LEFT + "\n".join([_HOST, *_calls_of_host(model)]))
 
 
@@ -261,11 +261,7 @@ def require_code(model: Model) -> None:
     """Check that the code of all functions is there. Raises ModelError: it is not."""
     if model.functions and not model.code:
         hint = "name a C++ file that has it by --functions, in Python by read_model(path, functions=...)"
-        raise _error(model.functions[0].span, f"function '{model.functions[0].name}'", "its code is missing", hint)
-
-
-def _error(span: Span, element: str, message: str, hint: str) -> ModelError:
-    return ModelError((Problem(span=span, element=element, message=message, hint=hint),))
+        raise ModelError([Problem(model.functions[0].span, f"function '{model.functions[0].name}'", "its code is missing", hint)])
 
 
 def signatures_of(function: SuppliedFunction) -> Mapping[str, str]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, MutableMapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -284,8 +284,3 @@ def element(scope: Scope, kind: str, section: str, name: str) -> Element:
     """The element ``name`` of a section of the document, such as "bodies"."""
     full = scope.prefix + name
     return Element(scope, f"{kind} '{full}'", full, (*scope.path, section, name))
-
-
-def with_points(scope: Scope, points: Mapping[str, Vector]) -> Scope:
-    """Copy the scope with other named ``points``."""
-    return replace(scope, points=points)

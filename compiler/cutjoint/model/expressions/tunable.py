@@ -59,13 +59,8 @@ class TunableNumbers:
     def problems(self, requested: Sequence[str], span: Span) -> list[Problem]:
         """The patterns that match no number."""
         idle = [pattern for pattern in requested if not any(fnmatchcase(name, pattern) for name in self.names)]
-        return [
-            Problem(
-                span=span, element="model", message=f"no constant that could be tunable is called '{pattern}'",
-                hint=nearest(pattern, self.names, "such as"),
-            )
-            for pattern in idle
-        ]  # fmt: skip
+        words = "no constant that could be tunable is called"
+        return [Problem(span, "model", f"{words} '{pattern}'", nearest(pattern, self.names, "such as")) for pattern in idle]
 
 
 def number_name(element: str, keys: Path, *, in_triple: bool) -> str:

@@ -236,6 +236,4 @@ class _Grid:
 
     def _unsorted(self, row: int, column: Column) -> Problem:
         message = f"'{column.cells[row].text}' is not larger than the value before"
-        return Problem(
-            span=column.cells[row].span, element=self.element, message=message, hint=f"sort the rows by {self.first}, then by {self.second}"
-        )
+        return Problem(column.cells[row].span, self.element, message, f"sort the rows by {self.first}, then by {self.second}")

@@ -166,7 +166,7 @@ class _Files:
             if column.name == name:
                 return column
         message = f"the file '{of.text}' has no column '{name}'"
-        raise _error(span, of.element, message, nearest(name, table.names, "columns"))
+        raise ModelError([Problem(span, of.element, message, nearest(name, table.names, "columns"))])
 
     def _with_points(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
         table = self._table(name, place, texts=("name",))
@@ -174,7 +174,7 @@ class _Files:
         if missing or len(table.names) > 4:
             span = Span(file=table.file, line=table.columns[0].span.line, column=1)
             message = f"a table of points has the columns name, x, y and z, not {', '.join(table.names)}"
-            raise _error(span, name.element, message, "write for example: name, x [mm], y [mm], z [mm]")
+            raise ModelError([Problem(span, name.element, message, "write for example: name, x [mm], y [mm], z [mm]")])
         names, *axes = (next(c for c in table.columns if c.name == wanted) for wanted in ("name", "x", "y", "z"))
         self._check_points(source, keys, names, axes)
         own = {key: value for key, value in source.part(keys).items() if key != "file"}
@@ -189,7 +189,7 @@ class _Files:
     def _check_points(self, source: Source, keys: Keys, names: Column, axes: list[Column]) -> None:
         own, found = source.part(keys), dict[str, Span]()
         problems = [
-            Problem(span=axis.span, element=f"column '{axis.name}'", message=f"needs m, got {axis.dimension}", hint="write x [mm]")
+            Problem(axis.span, f"column '{axis.name}'", f"needs m, got {axis.dimension}", "write x [mm]")
             for axis in axes if axis.dimension not in (None, LENGTH)
         ]  # fmt: skip
         for cell in names.cells:
@@ -279,20 +279,16 @@ def library() -> list[str]:
     return sorted(path.stem for path in library_folder().glob("*.yaml"))
 
 
-def _error(span: Span, element: str, message: str, hint: str) -> ModelError:
-    return ModelError([Problem(span=span, element=element, message=message, hint=hint)])
-
-
 def _without_version(part: Source, name: _Name) -> Source:
     """A submodel's document without the version of the format. Raises ModelError: it is no submodel."""
     start, data = Span(file=part.file, line=1, column=1), part.data
     version = data.get("cutjoint") if isinstance(data, dict) else None
     if type(version) is not int or version != 1:
         message, hint = "this is no file of a submodel", "it starts with 'cutjoint: 1', and then has the sections of a submodel"
-        raise _error(start, name.element, message, hint)
+        raise ModelError([Problem(start, name.element, message, hint)])
     if "gravity" in data or "scenes" in data:
         message, hint = "this is a whole model, not a submodel", "leave name, gravity and scenes to the model that includes it"
-        raise _error(start, name.element, message, hint)
+        raise ModelError([Problem(start, name.element, message, hint)])
     return replace(part, data={key: value for key, value in data.items() if key != "cutjoint"})
 
 

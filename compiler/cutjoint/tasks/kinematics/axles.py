@@ -276,9 +276,9 @@ def _suspension_bodies(model: Model, carriers: set[str], chassis: str) -> set[st
     return bodies - {GROUND}
 
 
-def _belongs_to(joint: Joint, bodies: set[str], chassis: str) -> bool:
-    """Return whether a joint connects bodies of the axle with each other or with the chassis."""
-    ends = {joint.base, joint.follower}
+def _belongs_to(between: Joint | PointSpring | AxialForce, bodies: set[str], chassis: str) -> bool:
+    """Return whether a joint or a force connects bodies of the axle with each other or with the chassis."""
+    ends = {between.base, between.follower}
     return bool(ends & bodies) and ends <= bodies | {chassis}
 
 
@@ -325,7 +325,4 @@ def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering
 
 def _is_spring(force: Force, bodies: set[str], chassis: str) -> bool:
     """Return whether a force acts between bodies of the axle and the chassis, along a length or a joint's coordinate."""
-    if isinstance(force, PointSpring | AxialForce):
-        ends = {force.base, force.follower}
-        return bool(ends & bodies) and ends <= bodies | {chassis}
-    return False
+    return isinstance(force, PointSpring | AxialForce) and _belongs_to(force, bodies, chassis)
