@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
@@ -75,6 +79,16 @@ def by_hand() -> tuple[Model, Scene]:
     text = text[:start] + "  hinge: {kind: fixed, bodies: [rod, lamp], at: [1, 0, 0]}\n" + text[end:]
     model = read_model_text(text.replace("positions: {hinge.angle: 0.3}, ", ""), "lamp.yaml")
     return model, model.scenes["fall"]
+
+
+def test_reduce_prints_by_how_much_outputs_differ(tmp_path: Path) -> None:
+    """A stiff joint that is frozen: positions differ by what it yields; the equal motion of the exact passes has no such line."""
+    path = tmp_path / "lamp.yaml"
+    path.write_text(LAMP, encoding="utf-8")
+    result = CliRunner().invoke(main, ["reduce", str(path), "--approximate", "--dt", "1ms"])
+    assert result.exit_code == 0, result.output
+    found = result.output.partition("frozen: largest differences of outputs from the full model\n")[2]
+    assert re.match(r" rad +\d\.\de-07 \(pin\.angle\) *\n m +\d\.\de-0", found)
 
 
 def test_a_frozen_body_is_where_it_starts() -> None:

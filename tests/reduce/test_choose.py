@@ -77,6 +77,23 @@ def test_the_pendulum_keeps_its_tolerance() -> None:
     assert all(c.failure or c.error <= 0.8e-3 for c in choice.evidence)
 
 
+def test_the_pendulum_keeps_errors_of_outputs() -> None:
+    """A loose target of an output takes less work than the default, a tight one of an objective more; errors are multiples of targets."""
+    works = []
+    for asked in ("accuracy: {bob.x: 10 cm}", "accuracy: 1 mm", "accuracy: {bob.x: 1 cm, end(bob.z): 1.0e-6}"):
+        model = read_model_text(PENDULUM.replace("accuracy: 1 mm", asked), "pendulum.yaml")
+        scene = model.scenes["swing"]
+        choice = choose(model, scene)
+        works.append(choice.chosen.work)
+        assert choice.chosen.error <= 0.8
+        run, exact = picked_run(choice), find_reference(model, replace(scene, method="", accuracy=1e-8, targets={}), {}).run
+        for name, most in scene.targets.items():
+            apart = (run["bob.z"] - exact["bob.z"])[-1] if name.startswith("end") else run["bob.x"] - exact["bob.x"]
+            assert np.abs(apart).max() <= most
+    assert works == sorted(works)
+    assert works[0] < works[-1]
+
+
 def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
     """Against elliptic functions."""
     model, scene = auto("four_bar", 1e-3, 2.0)
@@ -305,14 +322,13 @@ def test_the_table_of_candidates_fits_80_columns() -> None:
     [
         (["--dt", "0.1"], "--dt cannot be combined with method auto"),
         (["--precision", "quad"], "--precision cannot be combined with method auto"),
-        (["--scene", "of_one", "--method", "auto"], "'of_one': method auto keeps errors of positions and angles alone; give --accuracy"),
+        (["--accuracy-of", "bob.x=1mm"], "--accuracy-of cannot be combined with method auto"),
     ],
 )
 def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: str) -> None:
     path = tmp_path / "pendulum.yaml"
-    path.write_text(PENDULUM + "  of_one: {end: 4, accuracy: {bob.x: 1 mm}}\n")
-    scene = [] if "--scene" in options else ["--scene", "swing"]
-    result = CliRunner().invoke(main, ["simulate", str(path), *scene, *options, "--out", str(tmp_path / "out.csv")])
+    path.write_text(PENDULUM)
+    result = CliRunner().invoke(main, ["simulate", str(path), *options, "--out", str(tmp_path / "out.csv")])
     assert result.exit_code == 1
     assert message in " ".join(result.output.split())
 
@@ -369,3 +385,4 @@ def test_reduce_prints_the_sequence() -> None:
     result = CliRunner().invoke(main, ["reduce", str(MODELS / "flyball.yaml")])
     assert result.exit_code == 0, result.output
     assert "welded" in result.output
+    assert "differences" not in result.output

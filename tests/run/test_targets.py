@@ -1,10 +1,12 @@
 """Targets for the errors of outputs: `accuracy` of a scene as a mapping, beside the closed form of an oscillator."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.typing import NDArray
 
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
@@ -35,10 +37,13 @@ def run_with(accuracy: str) -> Trajectory:
     return simulate(compile_interpreted(model, model.scenes["swing"]))
 
 
-def true_errors(run: Trajectory) -> dict[str, float]:
+def exact_columns(run: Trajectory) -> dict[str, NDArray[np.float64]]:
     x, v = 0.1 * np.cos(20 * run.t), -2 * np.sin(20 * run.t)
-    exact = {"block.x": x, "block.vx": v, "spring.force": -400 * x, "pull": -0.4 * x}
-    return {name: float(np.max(np.abs(run[name] - values))) for name, values in exact.items()}
+    return {"block.x": x, "block.vx": v, "spring.force": -400 * x, "pull": -0.4 * x}
+
+
+def true_errors(run: Trajectory) -> dict[str, float]:
+    return {name: float(np.max(np.abs(run[name] - values))) for name, values in exact_columns(run).items()}
 
 
 @pytest.mark.parametrize("target", [2.0, 2e-2, 2e-5])
@@ -69,13 +74,32 @@ def test_several_targets_hold_at_once() -> None:
 
 
 @pytest.mark.parametrize(
+    ("objective", "column", "error", "value"),
+    [
+        ("minimum", "spring.force", "1 mN", np.min), ("maximum", "pull", "1.0e-3 N", np.max), ("mean", "block.x", "1.0e-7 m", np.mean),
+        ("end", "block.vx", "1.0e-4 m/s", lambda y: y[-1]), ("rms", "block.vx", "1.0e-5 m/s", lambda y: np.sqrt(np.mean(y**2))),
+    ],
+)  # fmt: skip
+def test_a_target_of_an_objective(objective: str, column: str, error: str, value: Callable[[NDArray[np.float64]], float]) -> None:
+    """The error of the objective is below the target, whatever that of the output at other times."""
+    run, name = run_with(f"accuracy: {{{objective}({column}): {error}}}"), f"{objective}({column})"
+    assert run.error.converged
+    assert list(run.columns) == ["block.x", "block.vx", "spring.force", "pull"]
+    assert abs(value(run[column]) - value(exact_columns(run)[column])) < run.error.targets[name]
+    assert run.error[name] < run.error.targets[name]
+    assert run.steps <= run_with(f"accuracy: {{{column}: {error}}}").steps
+
+
+@pytest.mark.parametrize(
     ("accuracy", "words"),
     [
+        ("accuracy: {peak(spring.force): 1 N}", "accuracy: 'peak' is no objective; objectives: end, maximum, mean, minimum, rms"),
+        ("accuracy: {end(spring.forc): 1 N}", "the scene has no output 'spring.forc'; add it to outputs; did you mean 'spring.force'"),
+        ("accuracy: {rms(spring.force): 1 mm}", "accuracy.rms(spring.force) needs N, got m"),
         ("accuracy: {spring.forc: 1 N}", "accuracy: the scene has no output 'spring.forc'; add it to outputs; did you mean 'spring.force'"),
         ("accuracy: {spring.force: 1 mm}", "accuracy.spring.force needs N, got m"),
         ("accuracy: {spring.force: 0 N}", "spring.force must be greater than zero"),
         ("accuracy: {}", "accuracy needs at least 1 item, got 0"),
-        ("accuracy: {block.x: 1 mm}, method: auto", "'method: auto' chooses by errors of positions; write 'accuracy' as a number"),
     ],
 )
 def test_wrong_targets_are_refused_at_their_line(accuracy: str, words: str) -> None:
@@ -92,6 +116,13 @@ def test_callers_name_outputs_too(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["simulate", str(model), *one, "pull=0.5N"])
     assert done.exit_code == 0
     assert "(pull, asked 0.0005)" in done.output
+    for _ in range(2):  # the second run is prepared already
+        done = CliRunner().invoke(main, ["simulate", str(model), *one, "maximum(pull)=0.5N"])
+        assert done.exit_code == 0
+        assert "(maximum(pull), asked 0.0005)" in done.output
+    missed = CliRunner().invoke(main, ["simulate", str(model), *one, "end(pull)=1e-20N"])
+    assert missed.exit_code == 1
+    assert "errors may exceed 1e-23 kN of end(pull)" in missed.output
     read = read_model_text(OSCILLATOR.replace("ACCURACY", "method: recursive"), "swing.yaml")
     run = simulate(compile_interpreted(read, read.scenes["swing"]), accuracy={"pull": 0.5})
     assert run.error.targets == {"pull": 5e-4}
@@ -100,6 +131,8 @@ def test_callers_name_outputs_too(tmp_path: Path) -> None:
         (("pull=1mm",), "accuracy of pull: needs N, got m: 1mm"),
         (("pull=0",), "accuracy of pull: 0 is not above 0; write a larger number"),
         (("pull=1N", "--no-error"), "accuracy: it needs the runs that estimate the error; remove --no-error"),
+        (("peak(pull)=1N",), "accuracy of peak(pull): 'peak' is no objective; objectives: end, maximum, mean, minimum, rms"),
+        (("end(pull)=1mm",), "accuracy of end(pull): needs N, got m: 1mm"),
         (("pull=1N", "--dt", "1ms"), "accuracy: it determines the steps; remove dt or the accuracy"),
         (("pull=1N", "--accuracy", "1mm"), "accuracy: steps follow from errors of positions or from those of named outputs; remove one"),
         (("pull=1N", "--method", "auto", "--implementation", "auto"), "--accuracy-of cannot be combined with method auto"),

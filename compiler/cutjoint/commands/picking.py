@@ -57,10 +57,8 @@ def _accuracy(requested: Options) -> float | None:
 
 def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> tuple[Candidate, Model, Scene]:
     """The model, scene and method that method auto chooses; it prints its choice and the reason."""
-    if scene.targets and accuracy is None:
-        raise RunError(f"{scene.span}: scene '{scene.name}': method auto keeps errors of positions and angles alone; give --accuracy")
-    wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
-    with options.progress_bar(f"choosing method and steps for an accuracy of {wanted.accuracy:g} m and rad"):
+    wanted = replace(scene, method=AUTO, accuracy=None if scene.targets else accuracy or accuracy_of(scene))
+    with options.progress_bar("choosing method and steps for the accuracy"):
         choice = choose(model, wanted, parameters=parameters)
     options.out.print_each(choice_tables(choice, wanted))
     return choice.chosen, *chosen_model(choice)

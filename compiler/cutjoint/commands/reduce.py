@@ -5,7 +5,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence, started
-from cutjoint.report.tasks import reduction_table
+from cutjoint.report.tasks import reduction_errors, reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.reading import read_model
@@ -26,7 +26,8 @@ def command(
         checked, driven = started(checked, driven, parameters)
         variants = reduction_sequence(checked, driven, method or method_of(driven), approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
-    options.out.print(reduction_table(variants, costs))
+    for printed in (reduction_table(variants, costs), *reduction_errors(variants, costs)):
+        options.out.print(printed)
     options.out.print_each((*variants[-1].done, *variants[-1].left))
     if view is not None:
         from cutjoint.view.states import show_reduction

@@ -118,7 +118,7 @@ def command(
         options.err.print(f"{where}; {describe_rest(run.table)}")
         raise SystemExit(1)
     if error and prepared.run.is_asked and prepared.run.goal is not None and not run.error.converged:
-        most = [" ".join(filter(None, (f"{most:g}", run.units[name], "of", name))) for name, most in run.error.targets.items()]
+        most = [" ".join(filter(None, (f"{most:g}", run.error.units[name], "of", name))) for name, most in run.error.targets.items()]
         limits = f"may exceed {join_or(most)}" if most else f"of positions and angles may exceed {run.error.goal:g} m or rad"
         options.err.print(f"accuracy not reached: errors {limits}")
         raise SystemExit(1)

@@ -198,7 +198,8 @@ OPTIONS: Mapping[str, Row] = {
     "accuracy": click.option("--accuracy", type=Setting("accuracy"),
         help="Target error of positions (m) and angles (rad), for example 0.1mm. Default: the scene's, else 1e-4."),
     "targets": click.option("--accuracy-of", "targets", metavar="NAME=VALUE", multiple=True,
-        help="Target error of an output in place of those of positions and angles, for example tyre.Fz=10N."),
+        help="Target error of an output, or of its end, minimum, maximum, mean or rms, in place of those of positions and angles: "
+        "tyre.Fz=10N or 'maximum(tyre.Fz)=10N'."),
     "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"),
         help=f"Relative and absolute tolerance of {join_and(names_of(INTEGRATORS, lambda i: i.adaptive))}; else of the iteration in a "
         "step. Default: the scene's."),

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
+from cutjoint.model.targets import split_target
 from cutjoint.package.errors import CutjointError, ToolchainError
 from cutjoint.package.locations import code_folders
 from cutjoint.run.record import RunFile, Settings
@@ -78,7 +79,8 @@ class PreparedRun:
     def accepts(self, parameters: Mapping[str, float], targets: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, inputs set to constants and errors of outputs asked for without the model."""
         units = {**self.run.units, **self.units}
-        if any(_has_other_unit(value, units.get(name, "")) for name, value in (*parameters.items(), *targets.items())):
+        errors = ((split_target(name)[1], error) for name, error in targets.items())
+        if any(_has_other_unit(value, units.get(name, "")) for name, value in (*parameters.items(), *errors)):
             return False
         changed = parameters.keys() - ({} if "inputs" in self.dependent_parts else set(self.inputs))
         return not changed or (not self.dependent_parts and changed <= self.run.run_file.parameters.keys())

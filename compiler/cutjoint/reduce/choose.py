@@ -20,12 +20,12 @@ from cutjoint.compile.prepared import build_provenance
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Implementation, Loops, Method
 from cutjoint.model.records import Model, Numerics, Scene
 from cutjoint.package.errors import CutjointError, RunError, ToolchainError
-from cutjoint.reduce.measure import Reference, distance, find_reference, time_run
+from cutjoint.reduce.measure import Reference, asked_of, distance, find_reference, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence, started
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.run_file import fitting_interval
 from cutjoint.run.scenes import with_default_closure, with_loops, with_settings
-from cutjoint.run.settings import accuracy_of, find_closure
+from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.compiler import processor
 
@@ -39,6 +39,7 @@ ENOUGH = 1.05  #: the search of steps ends where coarser ones would save less
 ORDERS, AFTER_FAILURE = (0.7, 2.5), 0.25
 #: Reasons for leaving a candidate: its coarser steps take more work than another's; no steps keep the accuracy.
 LEFT = DEARER, INACCURATE = "dearer", "inaccurate"
+NEAR = 1e-4  #: the largest tolerance of the run that shows whether an approximate model is near at all
 APPROXIMATE_FROM = 1e-3  #: the accuracy (m, rad) from which on approximate models are tried; smaller ones they hardly keep
 FULL = "full"  #: the name of the model that is not reduced
 
@@ -126,7 +127,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
         for name in (method.name for method in METHODS.values() if not method.functions):  # without loop embedding
             search.try_steps(variants[0], variants[0].scene, name, DEFAULT_INTEGRATOR)
     if not search.good:
-        words = f"no candidate has the accuracy of {accuracy_of(scene):g}"
+        words = f"no candidate has the accuracy of {asked_of(scene):g}"
         raise RunError(f"{scene.span}: scene '{scene.name}': {words}: {_nearest(search.found)}")
     chosen = min(search.good, key=lambda c: c.work)
     reduced = next((v.model, v.scene) for v in variants if v.name == chosen.variant)
@@ -142,7 +143,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
 def _reduced_models(model: Model, scene: Scene) -> list[ReducedModel]:
     """The last reduced model of each motion for the first method that supports the model."""
     *others, last = METHODS
-    sequence, approximate = list[ReducedModel](), accuracy_of(scene) >= APPROXIMATE_FROM
+    sequence, approximate = list[ReducedModel](), asked_of(scene) >= APPROXIMATE_FROM
     for method in others:
         with suppress(CutjointError):
             sequence = sequence or reduction_sequence(model, scene, method, approximate=approximate)
@@ -165,7 +166,8 @@ class Search:
         self.found: list[Candidate] = []
         self.truth = truth
         artifact, method = truth.trials.artifact, METHODS[truth.trials.artifact.method]
-        self._parameters, self._goal, self._row = parameters, SHARE * accuracy_of(scene), fitting_interval(artifact.model, scene)
+        self._parameters, self._goal, self._row = parameters, SHARE * asked_of(scene), fitting_interval(artifact.model, scene)
+        self._targets = scene.targets
         closure = find_closure(artifact.scene.numerics, method).name
         self._made: dict[tuple[str, str, str], dict[str, Trials]] = {(FULL, Loops.EXACT, method.name): {closure: truth.trials}}
 
@@ -190,10 +192,11 @@ class Search:
 
     def _is_near(self, variant: ReducedModel, method: str, integrator: str, events: str | None) -> bool:
         """Whether the motion of a reduced model is within the accuracy at all."""
-        steps = Steps(integrator=integrator, tolerance=self._goal / 100, dt=0.0 if INTEGRATORS[integrator].adaptive else self._row / 64)
+        tolerance, dt = min(self._goal / 100, NEAR), 0.0 if INTEGRATORS[integrator].adaptive else self._row / 64
+        steps = Steps(integrator=integrator, tolerance=tolerance, dt=dt)
         try:
             run = self._trials(variant, variant.scene, method, integrator).run(steps, self._parameters)
-            error, failure = distance(run, self.truth.run), str(run.failure or INACCURATE)
+            error, failure = distance(run, self.truth.run, self._targets), str(run.failure or INACCURATE)
         except CutjointError as fault:
             error, failure = inf, str(fault)
         if not error <= self._goal:
@@ -216,7 +219,7 @@ class Search:
         low, high, at, below, found = -1, len(grid), 0, replace(tried, work=0.0), None
         while True:
             run = trials.run(grid[at], self._parameters)
-            tried = replace(tried, steps=grid[at], error=distance(run, self.truth.run), work=trials.work(run, grid[at]))
+            tried = replace(tried, steps=grid[at], error=distance(run, self.truth.run, self._targets), work=trials.work(run, grid[at]))
             if run.fallback or not tried.error <= self._goal:
                 low, below = at, tried
                 if run.failure is None and tried.work > least:

@@ -4,7 +4,7 @@ The truth is the full model with steps that are refined until nothing changes an
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, inf
 from typing import Any
 
@@ -13,9 +13,11 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.records import Model, Scene
+from cutjoint.model.targets import OBJECTIVES, split_target
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
+from cutjoint.run.accuracy import differences
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory, distance_of
 from cutjoint.run.run_file import fitting_interval
@@ -77,16 +79,16 @@ def _converge(trials: Trials, integrator: str, scene: Scene, parameters: Mapping
             if before is not None:
                 break
             continue
-        moved = distance(before, run) if before is not None else inf
+        moved = distance(before, run, scene.targets) if before is not None else inf
         before = run
-        if moved <= CONVERGED * accuracy_of(scene):
+        if moved <= CONVERGED * asked_of(scene):
             return Reference(run=run, change=moved, trials=trials, steps=steps)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 
 def _refined(trials: Trials, integrator: str, scene: Scene) -> list[Steps]:
     if INTEGRATORS[integrator].adaptive:
-        tolerances = (min(1e-5, 0.1 * accuracy_of(scene)) / STRICTER**k for k in range(5))
+        tolerances = (min(1e-5, 0.1 * asked_of(scene)) / STRICTER**k for k in range(5))
         return [Steps(integrator=integrator, tolerance=tolerance) for tolerance in tolerances if tolerance >= STRICTEST]
     row, first = fitting_interval(trials.artifact.model, scene), scene.numerics.of_method(trials.artifact.method).step
     return [Steps(integrator=integrator, dt=row / ceil(row / first * 2**k - 1e-9)) for k in range(MOST_HALVINGS + 1)]
@@ -97,22 +99,41 @@ def _refined(trials: Trials, integrator: str, scene: Scene) -> list[Steps]:
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """A model's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
+    """A model's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`.
+
+    ``differences`` from the other run are the largest of each output, in its unit.
+    """
 
     seconds: float
     error: float
     failure: str = ""
+    differences: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
-def distance(run: Trajectory, reference: Trajectory) -> float:
+def asked_of(scene: Scene) -> float:
+    """The largest `distance` that a scene asks for."""
+    return 1.0 if scene.targets else accuracy_of(scene)
+
+
+def distance(run: Trajectory, reference: Trajectory, targets: Mapping[str, float] | None = None) -> float:
     """The largest difference (m, rad) of a place or an angle over the same rows; infinite where a run has not come to its end.
-    Raises RunError: no column is a place or an angle."""
+    With ``targets`` it is the largest multiple of one. Raises RunError: no column is a place or an angle."""
+    if targets and run.failure is None and len(run.t) == len(reference.t):
+        return max(_difference(name, run, reference) / most for name, most in targets.items())
     names = [name for name, unit in reference.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
         raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
     if run.failure is not None or len(run.t) != len(reference.t):
         return inf
     return max(PLACES[reference.units[name]] * float(distance_of(name, run[name], reference[name]).max()) for name in names)
+
+
+def _difference(target: str, run: Trajectory, reference: Trajectory) -> float:
+    objective, column = split_target(target)
+    if objective:
+        return abs(float(OBJECTIVES[objective](run[column]) - OBJECTIVES[objective](reference[column])))
+    return float(distance_of(column, run[column], reference[column]).max())
 
 
 def measure_reduced(
@@ -130,7 +151,9 @@ def measure_reduced(
             place = next((j.span for j in variant.model.joints if j.name == joint), variant.scene.span)
             raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
         reference = reference or run
-        costs.append(replace(time_run(artifact, {} if dt is None else {"dt": dt}, parameters), error=distance(run, reference)))
+        apart = differences((), run, reference) if run.failure is None else {}
+        cost = time_run(artifact, {} if dt is None else {"dt": dt}, parameters)
+        costs.append(replace(cost, error=distance(run, reference), differences=apart, units=run.units))
     return costs
 
 

@@ -306,10 +306,7 @@ def _unspecified_speeds(start: Start, undetermined: tuple[str, ...]) -> list[tup
 
 def error_facts(error: ErrorEstimate) -> Table:
     """The estimated errors of the outputs, the largest of each unit."""
-    by_unit: dict[str, tuple[float, str]] = {}
-    for name, value in error.max_error.items():
-        unit = error.units[name]
-        by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
+    by_unit = largest_by_unit(error.max_error, error.units)
     promised = "yes; 99.5 % of such runs are within 3 times these values"
     doubt = "no: outputs do not converge with finer steps, errors may be larger"
     if error.goal is not None or error.targets:
@@ -327,6 +324,14 @@ def error_facts(error: ErrorEstimate) -> Table:
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items() if name not in error.targets]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("error estimate", rows)
+
+
+def largest_by_unit(errors: Mapping[str, float], units: Mapping[str, str]) -> dict[str, tuple[float, str]]:
+    """The largest error of the outputs of each unit, and the output's name."""
+    by_unit: dict[str, tuple[float, str]] = {}
+    for name, value in errors.items():
+        by_unit[units[name]] = max(by_unit.get(units[name], (-1.0, "")), (value, name))
+    return by_unit
 
 
 def _build_time(seconds: float) -> str:

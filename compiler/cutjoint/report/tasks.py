@@ -17,12 +17,11 @@ from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import VALUE, Model, Scene
 from cutjoint.package.errors import plural
 from cutjoint.reduce.choose import DEARER, FULL, LEFT, Candidate, Choice
-from cutjoint.reduce.measure import Cost
+from cutjoint.reduce.measure import Cost, asked_of
 from cutjoint.reduce.sequence import ReducedModel
-from cutjoint.report.tables import facts, table
+from cutjoint.report.tables import facts, largest_by_unit, table
 from cutjoint.run.result_files import write_table
 from cutjoint.run.results import MechanismState
-from cutjoint.run.settings import accuracy_of
 from cutjoint.tasks.inverse import Drives
 from cutjoint.tasks.realtime import StepTimes
 
@@ -277,10 +276,21 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
     return table(title, ("model", "motion", *figures), rows, numbers=figures)
 
 
+def reduction_errors(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Iterator[Table]:
+    """For each approximate model the output of each unit that differs most from the full model's."""
+    for variant, cost in zip(variants, costs, strict=True):
+        if variant.motion == "approximate" and cost.differences:
+            found = largest_by_unit(cost.differences, cost.units)
+            yield facts(f"{variant.name}: largest differences of outputs from the full model", [
+                (unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in found.items()
+            ])  # fmt: skip
+
+
 def choice_tables(choice: Choice, scene: Scene) -> Iterator[Table | str]:
     """The candidates that ran, within 80 characters, the reasons of those that did not, and a legend."""
     ran = [c for c in choice.evidence if c.error < inf or c.failure in LEFT]
-    figures, title = ("steps", "error", "work"), f"scene {scene.name}: the least work within {accuracy_of(scene):g} m and rad"
+    within = "the errors asked, whose multiples 'error' has" if scene.targets else f"{asked_of(scene):g} m and rad"
+    figures, title = ("steps", "error", "work"), f"scene {scene.name}: the least work within {within}"
     made = table(title, ("method", "model", "loops", "integrator", *figures), (_cells(c, choice.chosen) for c in ran), numbers=figures)
     made.pad_edge, made.collapse_padding = False, True
     yield made

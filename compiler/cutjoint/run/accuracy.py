@@ -4,12 +4,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import copysign, inf, lcm, log10
+from typing import Any
 
 import numpy as np
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.expressions.units import ACCELERATION, ANGULAR_SPEED, PLACES, SPEED, TIME, measure
 from cutjoint.model.ranges import count_steps
+from cutjoint.model.targets import OBJECTIVES, split_target
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import retry_failed
 from cutjoint.run.outputs import is_stream
@@ -93,11 +95,24 @@ def run_accurately(
     `simulator_run.start`.
     """
     plan = plan.with_checks() if estimate else plan
-    begin = partial(start, out=path_of(out), steps=path_of(steps), progress=progress)
+    begin = partial(_start, out=path_of(out), steps=path_of(steps), progress=progress)
     files = [file for file in map(path_of, (out, steps)) if file is not None]
-    search = partial(start, progress=progress) if files else begin
+    search = partial(_start, progress=progress) if files else begin
     execute = partial(_execute, begin=begin, search=search, once=any(map(is_stream, files)), estimate=estimate)
-    return retry_failed(plan, execute(plan), execute, allow_switch=allow_switch and plan.is_free, advise=advise)
+    run = retry_failed(plan, execute(plan), execute, allow_switch=allow_switch and plan.is_free, advise=advise)
+    return _with_columns(run, {name: values for name, values in run.columns.items() if name in plan.units}) if plan.targets else run
+
+
+def _start(plan: SimulatorRun, **how: Any) -> Trajectory:
+    """A run with a constant column for each target that is an objective; its error follows as that of others does."""
+    run = start(plan, **how)
+    objectives = {name: split_target(name) for name in plan.targets if split_target(name)[0]} if run.t.size else {}
+    values = {name: np.full(run.t.size, OBJECTIVES[objective](run[column])) for name, (objective, column) in objectives.items()}
+    return _with_columns(run, {**run.columns, **values}) if values else run
+
+
+def _with_columns(run: Trajectory, columns: Mapping[str, Array]) -> Trajectory:
+    return replace(run, columns=Columns(columns), units=Columns({name: run.units[split_target(name)[1]] for name in columns}))
 
 
 def _execute(plan: SimulatorRun, *, begin: _Begin, search: _Begin, once: bool, estimate: bool) -> Trajectory:
@@ -121,7 +136,7 @@ def _refine_to_goal(plan: SimulatorRun, begin: _Begin, search: _Begin, *, once: 
         trial = _finer(plan, change, level)
         expected = _returns_next(plan, change, last, before) if asked else level > 0
         writes = expected and not once
-        attempt = begin if writes else search if asked or level > 0 else start
+        attempt = begin if writes else search if asked or level > 0 else _start
         written = level if writes else written
         run = _completed(trial, attempt) if level < 0 else attempt(trial)
         plan = plan.begun_as(run)
@@ -379,7 +394,7 @@ def _run_with_other_steps(plan: SimulatorRun, run: Trajectory) -> Trajectory | N
     return next((other for other in stricter if other is not None and not _are_bound(STRICTER, run, other)), None)
 
 
-def _completed(plan: SimulatorRun, begin: _Begin = start) -> Trajectory | None:
+def _completed(plan: SimulatorRun, begin: _Begin = _start) -> Trajectory | None:
     try:
         run = begin(plan)
     except SimulatorError:

@@ -17,6 +17,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.units import fault_of_dimension, measure
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Joint, Model, Scene
+from cutjoint.model.targets import OBJECTIVES, split_target
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
@@ -168,15 +169,18 @@ def make_simulator_run(
 
 
 def _targets(artifact: Artifact, options: Options) -> Iterator[tuple[str, float]]:
-    """The largest errors of outputs that a caller or else the scene names, in their units."""
+    """The largest errors of outputs, or of objectives of outputs, that a caller or else the scene names, in the outputs' units."""
     units = {c.name: c.unit for c in artifact.equations.columns}
     if not options.targets:
-        yield from ((name, error) for name, error in artifact.scene.targets.items() if name in units)
+        yield from ((name, error) for name, error in artifact.scene.targets.items() if split_target(name)[1] in units)
     for name, error in options.targets.items():
-        fault = fault_of_dimension(error, units[name]) if name in units else f"is no output of the scene; {nearest(name, units)}"
+        objective, column = split_target(name)
+        fault = fault_of_dimension(error, units[column]) if column in units else f"is no output of the scene; {nearest(column, units)}"
+        if objective and objective not in OBJECTIVES:
+            fault = f"'{objective}' is no objective; {nearest(objective, OBJECTIVES, 'objectives')}"
         if fault := fault or fault_of(error, above=0.0):
             raise RunError(f"accuracy of {name}: {fault}")
-        yield name, error / measure(1.0, units[name] or "1").value
+        yield name, error / measure(1.0, units[column] or "1").value
 
 
 def _by_method(

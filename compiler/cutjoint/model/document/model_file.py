@@ -432,8 +432,6 @@ class Scene(Part):
     def _goes_with_its_method(self) -> Scene:
         if self.budget is not None and self.method != AUTO:
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto too")
-        if isinstance(self.accuracy, dict) and self.method == AUTO:
-            raise shape_error("'method: auto' chooses by errors of positions", "write 'accuracy' as a number")
         integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]
         if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
             message = f"the integrator {integrator.name} belongs to the method {join_or(integrator.methods)}"

@@ -28,6 +28,7 @@ from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_st
 from cutjoint.model.records import STEP, Binding, Joint, Numerics, Output, Plot, Scalar, Scene, Signal
 from cutjoint.model.scenes.roads import read_road
 from cutjoint.model.scenes.starts import read_aim, read_aims, read_near, read_starts, read_states, read_trim
+from cutjoint.model.targets import OBJECTIVES, split_target
 from cutjoint.model.validate import check_guides, joints_are_known
 
 SETTINGS = {SOLVER_TOLERANCE: "tolerance"}  #: the settings of files whose records have another name
@@ -136,13 +137,15 @@ def _require_output(where: Element, column: str, columns: Collection[str], label
 
 
 def _targets(where: Element, scene: model_file.Scene, outputs: tuple[Output, ...], stage: _Stage) -> Iterator[tuple[str, float]]:
-    """The largest errors of outputs, by their columns and in their units."""
+    """The largest errors of outputs or of objectives of outputs, by their names and in the units of the columns."""
     factors = {output.column: output.factor for output in outputs}
-    for column, number in scene.accuracy.items() if isinstance(scene.accuracy, dict) else ():
-        keys = ("accuracy", column)
-        if _require_output(where, column, factors, "accuracy", keys):
-            aim = read_aim(where, keys, number, stage.known, stage.reader.signals)
-            yield column, factors[column] * where.positive(where.value(aim.value), keys)
+    for name, number in scene.accuracy.items() if isinstance(scene.accuracy, dict) else ():
+        keys, (objective, column) = ("accuracy", name), split_target(name)
+        if objective and objective not in OBJECTIVES:
+            where.fail(f"accuracy: '{objective}' is no objective", nearest(objective, OBJECTIVES, "objectives"), keys)
+        elif _require_output(where, column, factors, "accuracy", keys):
+            aim = read_aim(where, keys, number, stage.known, stage.reader.signals, of=column)
+            yield name, factors[column] * where.positive(where.value(aim.value), keys)
 
 
 def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:

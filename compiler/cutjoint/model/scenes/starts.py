@@ -280,9 +280,11 @@ def read_aims(where: Element, scene: model_file.Scene, known: Mapping[str, Quant
     return tuple(read_aim(where, ("assemble", key), number, known, signals) for key, number in scene.assemble.items())
 
 
-def read_aim(where: Element, keys: Path, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
-    """An expression of quantities, or an output by one of ``signals``, and the value that it shall have."""
-    key, section = str(keys[-1]), keys[0]
+def read_aim(
+    where: Element, keys: Path, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal], of: str = ""
+) -> Aim:  # fmt: skip
+    """An expression of quantities, or an output by one of ``signals``, and the value that it shall have; ``of``: by default the key."""
+    key, section = of or str(keys[-1]), keys[0]
     if key in signals:
         term = Term(signals[key].symbol, measure(1.0, signals[key].unit).dimension if signals[key].unit else NONE)
     else:
