@@ -66,7 +66,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         if steps.stages and equations.indicators:  # at events
             stored += 2 * len(equations.indicators) + q + n + 64
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed, steps)
-        stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
+        stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual, steps)
         stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     dual = 0 if parts.dofs is None else 1
@@ -92,7 +92,7 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -
     return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts, steps)
 
 
-def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
+def _size_of_residual(parts: SimulationCode, force_residual: Linearised, steps: Steps) -> int:
     """Numbers in the derivatives of the residual of the equations of motion, over doubles and with seeds of parameters."""
     n, m, q, _ = _lengths(parts.mechanism)
     inputs = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
@@ -100,7 +100,8 @@ def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
     fitted = _size_of_fits(force_residual.equations, force_residual.program, 3, 1)
     at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + inputs + 28 * (q - parts.mechanism.speeds) + 8
     weights = 4 * q + 2 * n + m + inputs + force_residual.loaded
-    return classes + fitted + 2 * at_state + 8 * (q + n + inputs + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
+    kept = steps.stages if 2 < steps.stages <= 8 else 2  # as `visited` of `derivatives.hpp`
+    return classes + fitted + kept * at_state + 8 * (q + n + inputs + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
 
 
 def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:

@@ -114,25 +114,27 @@ class _Case:
             sim.inputs[name] = np.interp(0.0, table["t"], table["value"])  # type: ignore[call-overload]
         sim.reset(dt=e.dt, equilibrium=True if e.at_rest else None)
         lags = numbers[own:].reshape(-1, 3)[:, 2]
-        t, y, dy = self._poses(theta, by_theta[:own]) if e.is_pose else self._run(theta, by_theta[:own], signals, lags)
+        times = [s.times - lag for s, lag in zip(signals, lags, strict=True)]
+        every = 1 if e.is_pose or by_theta[own + 2 :: 3].any() else _interval(times, e.dt)
+        t, y, dy = self._poses(theta, by_theta[:own]) if e.is_pose else self._run(theta, by_theta[:own], times, every)
         for i, (signal, evaluate) in enumerate(zip(signals, self.signals, strict=True)):
             (gain, bias, lag), (by_gain, by_bias, by_lag) = numbers[own + 3 * i : own + 3 * i + 3], by_theta[own + 3 * i : own + 3 * i + 3]
             values, derivatives = evaluate(t, y, dy, by_theta[:own])
             if not e.is_pose:
-                values, derivatives, rate = _at(t, values, derivatives, signal.times - lag, e.dt, moves=bool(by_lag.any()))
+                values, derivatives, rate = _at(t, values, derivatives, signal.times - lag, every * e.dt, moves=bool(by_lag.any()))
                 derivatives = derivatives - rate[:, np.newaxis] * by_lag
             total = gain * derivatives + values[:, np.newaxis] * by_gain + by_bias
             yield Prediction(experiment=e, signal=signal, values=gain * values + bias, derivatives=total)
 
-    def _run(self, theta: Array, by_theta: Array, signals: Sequence[Signal], lags: Array) -> tuple[Array, Array, Array]:
-        """Times, outputs and derivatives (samples, outputs, parameters) of a run as long as the samples ask for."""
+    def _run(self, theta: Array, by_theta: Array, samples: Sequence[Array], every: int) -> tuple[Array, Array, Array]:
+        """Times, outputs and derivatives (rows, outputs, parameters) after each ``every`` steps of a run as long as the samples ask for."""
         e, sim = self.experiment, self.sim
-        end = max(float(s.times[-1] - lag) for s, lag in zip(signals, lags, strict=True))
-        steps = max(3, int(np.ceil(end / e.dt - _ROUNDING)))
+        end = max(float(times[-1]) for times in samples)
+        steps = every * max(3 if every == 1 else 1, int(np.ceil(end / (every * e.dt) - _ROUNDING)))
         initial, by_start = self._begin(theta)
         inputs = {name: _covering(table, (steps + 1) * e.dt) for name, table in e.inputs.items()}
         by = [*self.names, *self.coordinates]
-        run = sim.forward_sensitivities(steps, self.outputs, by, initial_sensitivities=initial, inputs=inputs)
+        run = sim.forward_sensitivities(steps, self.outputs, by, every=every, initial_sensitivities=initial, inputs=inputs)
         return run.times - run.times[0], run.values, run.derivatives @ np.vstack([by_theta, by_start])
 
     def _begin(self, theta: Array) -> tuple[Array, Array]:
@@ -183,6 +185,13 @@ class _Case:
             values.append(found.values[0])
             derivatives.append(found.derivatives[0] @ np.vstack([by_theta, by_start[1]]))
         return np.arange(float(rows)), np.array(values), np.array(derivatives)
+
+
+def _interval(times: Sequence[Array], dt: float) -> int:
+    """The number of steps after each of which rows serve all samples: 1 where a sample is not at the end of a step."""
+    places = np.concatenate(times) / dt
+    near = np.rint(places).astype(int)
+    return max(1, int(np.gcd.reduce(near))) if (np.abs(places - near) < _ROUNDING).all() else 1
 
 
 def _covering(table: Any, end: float) -> dict[str, object]:

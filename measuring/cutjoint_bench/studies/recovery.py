@@ -1,9 +1,13 @@
 """What fits of ten parameters recover from starts 50 % off, and how often their 95 % intervals cover the truth.
 
     .venv/bin/python -m cutjoint_bench.studies.recovery press delta corner leg [--sets 100]
+    .venv/bin/python -m cutjoint_bench.studies.recovery press delta corner leg --other [--sets 10]
 
 Of each model two are hardpoints, three inertial, three of laws and two of friction.  Data are runs of the same discretisation; noise is
 that share of each signal's standard deviation.  All settings of the fit are its defaults, with bounds at 0.2 and 3 times the true values.
+
+--other: data are runs of other simulators (`recovery_peers`; `pip install mujoco pin`), fits start 20 % off, and our runs are those of
+`dop853` with a tolerance of 1e-11.
 """
 
 from __future__ import annotations
@@ -30,6 +34,8 @@ Array = NDArray[np.float64]
 
 #: The relative error of parameters that are found, the half-width of starts, and bounds, as shares of the true values.
 _FOUND, _REACH, _LOW, _HIGH = 1e-9, 0.5, 0.2, 3.0
+#: That of our runs beside other simulators'.
+_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,14 +172,19 @@ _CASES = {"press": _press, "delta": _delta, "corner": _corner, "leg": _leg}
 class _Bench:
     """The solver of a case, whose data are replaced in place."""
 
-    def __init__(self, case: Case, folder: Path) -> None:
-        (folder / "model.yaml").write_text(case.text)
+    def __init__(self, case: Case, folder: Path, *, adaptive: bool = False) -> None:
+        text = case.text
+        if adaptive:
+            scene = text.index("{end:", text.index("\nscenes:")) + 1
+            text = f"{text[:scene]}numerics: {{solver_tolerance: {_TOLERANCE}}}, {text[scene:]}"
+        (folder / "model.yaml").write_text(text)
         t = np.arange(0.0, case.end + case.dt / 2, case.dt * case.every)
         blank = np.column_stack([t, np.zeros((len(t), len(case.signals)))])
         np.savetxt(folder / "d.csv", blank, delimiter=",", header=",".join(["t", *map(str, range(len(case.signals)))]), comments="")
         signals = {name: {"column": str(i)} for i, name in enumerate(case.signals)}
         study = {
-            "cutjoint_fit": 1, "model": str(folder / "model.yaml"), "integrator": "rk4", "dt": case.dt,
+            "cutjoint_fit": 1, "model": str(folder / "model.yaml"), 
+            **({"integrator": "dop853"} if adaptive else {"integrator": "rk4", "dt": case.dt}),
             "parameters": {n: {"start": x, "from": min(_LOW * x, _HIGH * x), "to": max(_LOW * x, _HIGH * x)} for n, x in case.true.items()},
             "experiments": {"run": {"data": str(folder / "d.csv"), "signals": signals, **case.experiment}},
         }  # fmt: skip
@@ -198,11 +209,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="+", choices=_CASES)
     parser.add_argument("--sets", type=int, default=100)
+    parser.add_argument("--other", action="store_true", help="data by other simulators")
     given = parser.parse_args()
     print(provenance(), flush=True)
     for name in given.models:
         with TemporaryDirectory() as folder:
-            _study(name, _Bench(_CASES[name](), Path(folder)), given.sets)
+            case = _CASES[name]()
+            bench = _Bench(case, Path(folder), adaptive=given.other)
+            _other(name, case, bench, given.sets) if given.other else _study(name, bench, given.sets)
 
 
 def _study(name: str, bench: _Bench, sets: int) -> None:
@@ -218,6 +232,28 @@ def _study(name: str, bench: _Bench, sets: int) -> None:
     print(f"{name}: 95 % intervals cover in {100 * np.mean(covered):.3g} of 100 over {sets} data sets with 1 % noise; {each}", flush=True)
     counted = ", ".join(f"{verdict} {verdicts.count(verdict)}" for verdict in sorted(set(verdicts)))
     print(f"  {counted}; CPU time {process_time() - begin:.3g} s", flush=True)
+
+
+def _other(name: str, case: Case, bench: _Bench, sets: int) -> None:
+    """Fits to another simulator's run."""
+    from cutjoint_bench.studies.recovery_peers import other_run
+
+    times = np.arange(0.0, case.end + case.dt / 2, case.dt * case.every)
+    simulator, data, own, gap = other_run(name, case.true, times)
+    beside = max(float(np.abs(a - b).max() / np.std(b)) for a, b in zip(bench.clean, data, strict=True))
+    print(f"{name}: {simulator}: signals change by {own.max():.2g} of their standard deviations by its own refinement, loops gape by "
+          f"{gap:.1g} m; ours at the true values differ by {beside:.2g}", flush=True)  # fmt: skip
+    bench.clean, rng = [*data], np.random.default_rng(0)
+    found = []
+    for _ in range(sets):
+        try:
+            found.append(bench.fit(bench.true * (1 + 0.2 * rng.choice([-1, 1], size=len(bench.true)))))
+        except CutjointError as error:
+            print(f"  failed: {error}", flush=True)
+    apart = np.abs([fit.values / bench.true - 1 for fit in found])
+    iterations = sorted(fit.iterations for fit in found)
+    print(f"  {len(found)} of {sets} starts 20 % off: largest relative error {apart.max():.2g}; iterations {iterations}; "
+          f"{', '.join(f'{n} {x:.1g}' for n, x in zip(found[0].names, apart.max(axis=0), strict=True))}", flush=True)  # fmt: skip
 
 
 def _recover(name: str, bench: _Bench, starts: list[Array], words: str) -> None:

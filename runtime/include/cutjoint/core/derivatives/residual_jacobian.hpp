@@ -13,10 +13,12 @@ namespace cutjoint {
 ///
 /// At a state the Jacobian is evaluated and a matrix decomposed once; each seed takes products and a solution.  Constraints have a small compliance,
 /// a fraction of that of their penalties, which iterative refinement removes: dependent equations get the multipliers of the augmented update.
-/// Two states are cached, the beginning and the end of a step.
-template <class M, template <class> class C, class T>
+/// The last `kept` states are cached: the beginning and the end of a step, or all that an explicit step visits for each group of seeds.
+template <class M, template <class> class C, class T, std::size_t kept = 2>
 class ResidualJacobian {
  public:
+  template <std::size_t states>
+  using Keeping = ResidualJacobian<M, C, T, states>;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                exogenous = inputs + M::sizes.discrete, loaded = T::loaded;
   using Places = T;
@@ -65,14 +67,10 @@ class ResidualJacobian {
   /// Go to a state, and evaluate the Jacobian unless it is cached.
   template <class Q, class V, class L, class Inputs>
   void find(double t, const Q& q, const V& v, const V& vdot, const L& lambda, const Inputs& u) {
-    const auto is_same = [](const auto& a, const auto& b) { return std::equal(a.begin(), a.end(), b.begin()); };
-    const auto is_here = [&](const At& x) {
-      return x.is_found && x.t == t && is_same(q, x.q) && is_same(v, x.v) && is_same(vdot, x.vdot) && is_same(lambda, x.lambda) && is_same(u, x.u);
-    };
-    if (is_here(at_[now_])) return;
-    now_ = 1 - now_;
+    for (std::size_t i = 0; i < kept; ++i, now_ = (now_ + 1) % kept)
+      if (at_[now_].is_at(t, q, v, u) && std::ranges::equal(vdot, at_[now_].vdot) && std::ranges::equal(lambda, at_[now_].lambda)) return;
+    now_ = (now_ + 1) % kept;
     At& x = at_[now_];
-    if (is_here(x)) return;
     x.is_found = true;
     x.t = t;
     std::copy(q.begin(), q.end(), x.q.begin());
@@ -82,6 +80,15 @@ class ResidualJacobian {
     std::copy(u.begin(), u.end(), x.u.begin());
     find(x, x.derivative);
     x.decomposed_for = none;
+  }
+
+  /// Accelerations and multipliers of a state whose Jacobian is cached; false if it is not.
+  bool recall(double t, const auto& q, const auto& v, const auto& u, auto& vdot, auto& lambda) const {
+    const auto at = std::ranges::find_if(at_, [&](const At& x) { return x.is_at(t, q, v, u); });
+    if (at == std::end(at_)) return false;
+    std::copy(at->vdot.begin(), at->vdot.end(), vdot.begin());
+    std::copy(at->lambda.begin(), at->lambda.end(), lambda.begin());
+    return true;
   }
 
   /// The Jacobian at a state.
@@ -346,6 +353,10 @@ class ResidualJacobian {
     Fixed<double, exogenous> u;
     JacobianEntries derivative;
     Bordered<T> matrix;
+
+    bool is_at(double time, const auto& place, const auto& speed, const auto& input) const {
+      return is_found && t == time && std::ranges::equal(place, q) && std::ranges::equal(speed, v) && std::ranges::equal(input, u);
+    }
   };
 
   /// The sparsity of the matrix.
@@ -441,8 +452,8 @@ class ResidualJacobian {
 
   C<double> plain_;
   C<Dual> with_changes_;
-  At at_[2];
-  int now_ = 0;
+  At at_[kept];
+  std::size_t now_ = 0;
   bool are_changing_ = false, leaves_out_ = false;
   Fixed<bool, width> is_left_out_;  ///< columns of left-out derivatives
   Fixed<DualPart, first_acceleration> by_;  ///< of all but accelerations and multipliers
