@@ -101,7 +101,8 @@ def _size_of_residual(parts: SimulationCode, force_residual: Linearised, steps: 
     at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + inputs + 28 * (q - parts.mechanism.speeds) + 8
     weights = 4 * q + 2 * n + m + inputs + force_residual.loaded
     kept = steps.stages if 2 < steps.stages <= 8 else 2  # as `visited` of `derivatives.hpp`
-    return classes + fitted + kept * at_state + 8 * (q + n + inputs + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
+    fixed = 8 * (q + n + inputs + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
+    return classes + fitted + kept * at_state + fixed
 
 
 def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:
