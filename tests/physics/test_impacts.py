@@ -35,11 +35,12 @@ RUNS: dict[str, tuple[dict[str, Any], ...]] = {
     "recursive": (
         {"integrator": "dormand-prince", "tolerance": 1e-10}, {"integrator": "rk4"}, {"integrator": "trapezoidal", "events": "crossed"},
         {"integrator": "trapezoidal", "events": "located"}, {"integrator": "trapezoidal", "events": "crossed", "iterations": 8},
+        {"integrator": "dormand-prince", "tolerance": 1e-10, "events": "crossed"}, {"integrator": "rk4", "events": "crossed"},
     ),
     "recursive-newton": (
         {"integrator": "radau5", "tolerance": 1e-10}, {"integrator": "radau5-fixed"}, {"integrator": "trapezoidal", "events": "crossed"},
         {"integrator": "trapezoidal", "events": "located"}, {"integrator": "generalised-alpha", "events": "crossed"},
-        {"integrator": "generalised-alpha", "events": "located"},
+        {"integrator": "generalised-alpha", "events": "located"}, {"integrator": "radau5", "tolerance": 1e-10, "events": "crossed"},
     ),
     "augmented": ({},), "classical": ({},),
 }  # fmt: skip

@@ -46,14 +46,14 @@ std::span<const Chart> charts_of(const M& mechanism) {
 template <class M>
 using IndicatorPlaces = std::conditional_t<Sized<M>, std::span<const IndicatorPlace>, std::vector<IndicatorPlace>>;
 
-/// All of them if the class knows them, else only if `watched`.
+/// All of them if the class knows them, else only if `watched`, or if guides may jump: steps that pass over a jump would lose its impulse.
 template <class M>
 IndicatorPlaces<M> indicators_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
   if constexpr (Sized<M>) {
     return M::indicators;
   } else {
     std::vector<IndicatorPlace> places;
-    if (!watched) return places;
+    if (!watched && !mechanism.description().guides_jump) return places;
     for (const auto& each : mechanism.description().indicators) places.push_back({each.road, each.across});
     return places;
   }
