@@ -54,6 +54,10 @@ _WRONG = {
         ["s:5:16: objective 'a': 'slider.y0': 'slider' has no quantity 'y0'; did you mean 'y'?",
          "s:6:12: objective 'b': 'slder.x + 1': unknown element 'slder'; did you mean 'slider'?"],
     ),
+    "a pattern without a constant": (
+        f"{_HEAD}tunable: ['*mass*', 'crank.masss']\nparameters: {{stiffness: [1, 2]}}\n{_END}",
+        ["s:3:21: study: tunable: no constant that could be tunable is called 'crank.masss'; did you mean 'crank.mass'?"],
+    ),
     "no code": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nobjectives: {{a: {{maximum: '__import__(\"os\").getcwd()'}}}}\n",
         ["s:4:27: objective 'a': '__import__(\"os\").getcwd()': '__import__('os').getcwd()' is not allowed in an expression; use numbers, "

@@ -122,7 +122,12 @@ class _Reading:
             raise self.problems.error()
         try:  # generated text names the model as the study does, whatever the present folder
             return read_model_text(read_text(path), self.document.model, folder=path.parent, tunable=self.document.tunable)
-        except ModelError:
+        except ModelError as error:
+            for problem in error.problems:
+                for i in (i for i, pattern in enumerate(self.document.tunable) if problem.message.endswith(f"is called '{pattern}'")):
+                    self.where.fail(f"tunable: {problem.message}", problem.hint, ("tunable", i))
+            if self.problems:
+                raise self.problems.error() from None
             return read_model(path, tunable=self.document.tunable)
 
     def _scenes(self, model: Model) -> tuple[Scene, ...]:
