@@ -57,6 +57,16 @@ def test_a_sampled_loop_has_its_peak_at_0() -> None:
     assert loop.peak("y0", "u0") == (pytest.approx(1 / 3, rel=1e-9), 0.0)
 
 
+@pytest.mark.parametrize(("damping", "peak"), [(0.0, np.inf), (1e-6, 1 / (1e-6 * 150**0.5)), (0.3, 1 / (0.3 * (150 - 0.3**2 / 4) ** 0.5))])
+def test_the_gain_at_a_resonance_is_infinite_only_without_damping(damping: float, peak: float) -> None:
+    """Of 1/(s^2 + d s + 150), where d is small or 0; another mode does not change it, nor one that the input does not move."""
+    model = _model(1 / (_S**2 + damping * _S + 150))
+    found = model.peak("y0", "u0")
+    assert found == (pytest.approx(peak, rel=1e-9), pytest.approx((150 - damping**2 / 2) ** 0.5 / (2 * np.pi), rel=1e-7))
+    apart = _state_space(np.array([[0.0, 1.0], [-150.0, 0.0]]), np.array([[0.0], [0.0]]), np.array([[1.0, 0.0]]), np.array([[2.0]]))
+    assert apart.peak("y0", "u0").gain == pytest.approx(2.0, rel=1e-12)
+
+
 def test_crossings_on_a_node_are_found() -> None:
     """Of three equal poles with a gain margin of 0.4 at 1 Hz, and of 2 pi/s, whose gain is 1 at 1 Hz."""
     nodes = np.geomspace(0.1, 10.0, 401)

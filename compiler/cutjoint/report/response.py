@@ -43,12 +43,13 @@ def response_tables(model: LinearModel, frequencies: Array | None, about: str) -
     for output in model.outputs:
         for name in model.inputs:
             peak, margins = peaks[output, name], model.margins(output, name, frequencies)
-            alike = max(p.gain for (other, _), p in peaks.items() if model.units.get(other) == model.units.get(output))
+            of_unit = [p.gain for (other, _), p in peaks.items() if model.units.get(other) == model.units.get(output)]
+            alike = max(filter(np.isfinite, of_unit), default=0.0)
             if peak.gain <= _ROUNDING * alike:
                 responses.add_row(output, name, "0", *"------")
                 continue
-            numbers = (_number(x) for x in (peak.gain, peak.at, margins.gain, margins.gain_at, margins.phase, margins.phase_at))
-            responses.add_row(output, name, *numbers, _zeros(model, output, name))
+            numbers = (_number(x) for x in (peak.at, margins.gain, margins.gain_at, margins.phase, margins.phase_at))
+            responses.add_row(output, name, f"{peak.gain:.4g}", *numbers, _zeros(model, output, name))
     yield responses
 
 

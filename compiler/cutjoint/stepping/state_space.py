@@ -20,6 +20,8 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 ORDERS = ("value", "rate", "acceleration")
 #: Relative sizes: of matrix entries that are rounding, and of poles that count as zero.
 _ROUNDING, _NOUGHT = 1e-10, 1e-7
+#: A gain so many times that at frequencies beside it, which are off by this share, is that of a pole without damping.
+_UNDAMPED, _BESIDE = 1e3, 1e-6
 #: The largest number of samples in the common period of a loop's controllers.
 _MOST_SAMPLES = 10_000
 
@@ -158,13 +160,15 @@ class LinearModel:
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
         """Largest gain from an input to an output, by default over a range from 0 that covers the poles.
 
-        It is the H-infinity norm of a stable model whose gain falls towards infinite frequencies.
+        It is the H-infinity norm of a stable model whose gain falls towards infinite frequencies, and infinite at a pole without damping.
         """
         nodes = self._usual if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
         grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
         gain = self._gain(output, input)
-        gains = np.abs(gain(grid))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gains = np.abs(gain(grid))
+        gains = np.where(np.isfinite(gains), gains, np.abs(gain(grid * (1 + _BESIDE / 1e4))))  # at poles without damping
         best = int(gains.argmax())
         found = Peak(float(gains[best]), float(grid[best]))
         for i in np.argsort(-gains)[:3]:
@@ -172,7 +176,8 @@ class LinearModel:
             refined = need("scipy.optimize").minimize_scalar(lambda f: -abs(gain(np.array([f]))[0]), bounds=(low, high), method="bounded",
                 options={"xatol": 1e-10 * high})
             found = Peak(-float(refined.fun), float(refined.x)) if -refined.fun > found.gain * (1 + 1e-12) else found
-        return found
+        beside = np.abs(gain(found.at * np.array([1 - _BESIDE, 1 + _BESIDE]))).max()
+        return Peak(np.inf, found.at) if found.at > 0 and found.gain > _UNDAMPED * beside else found
 
     def bandwidth(self, output: str, input: str, frequencies: Array | None = None) -> float:
         """Lowest frequency (Hz) at which the gain is 3 dB below that at the first one, by default 0; infinity if it never is."""
