@@ -39,23 +39,16 @@ def command(
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
     code = replace(requested, dt=dt and 1.0, end=None, tolerance=None)  # of which code follows
-    runs = _cases(cases, read, parameters)
-    done = _run(replace(request, options=code), requested, read, _with_options(chosen, by, requested), parameters, runs, threads, out)
-    _report_failures(done, cases, out)
-
-
-def _with_options(scene: Scene, method: str, requested: Options) -> Scene:
-    numerics = scene.numerics
-    numerics = replace(numerics, integrator=requested.integrator or numerics.integrator, events=requested.events or numerics.events)
-    return with_options(replace(scene, numerics=numerics), method, Options(dt=requested.dt))
-
-
-def _cases(path: Path, model: Model, parameters: Mapping[str, float]) -> list[dict[str, float]]:
-    """The cases of a table, which sets none of ``parameters``."""
-    cases = read_cases(path, model)
-    if twice := sorted(cases[0].keys() & parameters.keys()):
-        raise RunError(f"--set {twice[0]}: the table {path} has it too; set it in one of the two")
-    return cases
+    runs, numerics = read_cases(cases, read), chosen.numerics
+    if twice := sorted(runs[0].keys() & parameters.keys()):
+        raise RunError(f"--set {twice[0]}: the table {cases} has it too; set it in one of the two")
+    numerics = replace(numerics, integrator=integrator or numerics.integrator, events=events or numerics.events)
+    chosen = with_options(replace(chosen, numerics=numerics), by, Options(dt=dt))
+    done = _run(replace(request, options=code), requested, read, chosen, parameters, runs, threads, out)
+    options.err.print_each(f"{cases}: {failure}" for failure in describe_failures(done))
+    if failed := count_failures(done):
+        options.err.print(f"{failed}; column 'run.failure' of {out} says how")
+        raise SystemExit(1)
 
 
 def _compile(request: Request, model: Model, scene: Scene) -> BatchArtifact:
@@ -82,10 +75,3 @@ def _run(
     console.print(batch_facts(artifact, done))
     console.print(f"results: {out}, {plural(len(cases), 'run')}")
     return done
-
-
-def _report_failures(done: Batch, cases: Path, out: Path) -> None:
-    options.err.print_each(f"{cases}: {failure}" for failure in describe_failures(done))
-    if failed := count_failures(done):
-        options.err.print(f"{failed}; column 'run.failure' of {out} says how")
-        raise SystemExit(1)

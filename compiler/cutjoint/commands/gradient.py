@@ -179,17 +179,14 @@ class _Run:
                 raise ValueError(f"no force, guide or drive changes its formula until {sim.time:g} s")
             values, derivatives = np.append(events.times, events.values[0]), np.vstack([events.derivatives_of_times, events.derivatives[0]])
             return _Result(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, derivatives)
-        values, derivatives = self._objective(names, initial_sensitivities)
-        return _Result(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, derivatives)
-
-    def _objective(self, names: Sequence[str], initial_sensitivities: Array | None) -> tuple[Array, Array]:
-        if self.sim.library.record:
-            back = self.sim.adjoint_sensitivities(self.steps, self.outputs, names, self.objective, every=self.every,
+        if sim.library.record:
+            back = sim.adjoint_sensitivities(self.steps, outputs, names, self.objective, every=self.every,
                 initial_sensitivities=initial_sensitivities)
-            return back.objectives, back.derivatives
-        run = self.sim.forward_sensitivities(self.steps, self.outputs, names, every=self.every, initial_sensitivities=initial_sensitivities)
-        values, derivatives = getattr(run, self.objective)
-        return values, derivatives
+            values, derivatives = back.objectives, back.derivatives
+        else:
+            run = sim.forward_sensitivities(self.steps, outputs, names, every=self.every, initial_sensitivities=initial_sensitivities)
+            values, derivatives = getattr(run, self.objective)
+        return _Result(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, derivatives)
 
     def values(self) -> Array:
         """The objective alone, from the present state."""

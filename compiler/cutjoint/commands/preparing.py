@@ -146,7 +146,11 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
     find_integrator(scene.numerics.of_method(method), METHODS[method], by, request.options)  # refused before minutes of compiling
     with options.progress_bar(f"compiling {request.model.name}"):
         if request.implementation == Implementation.GENERIC:
-            return _compile_generic(request, model, scene, method)
+            backend: Backend = IMPLEMENTATIONS.load(request.implementation)
+            if request.precision != DEFAULT_PRECISION:
+                words = f"the generic solver runs in {DEFAULT_PRECISION}; use --implementation generated"
+                raise RunError(f"--precision {request.precision}: {words}")
+            return backend.compile(model, scene, method)
         if request.implementation == Implementation.INTERPRETED:
             return _compile_interpreted(request, model, scene, method)
         additions = find_additions(solver)
@@ -156,13 +160,6 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
             find_compiler()  # its error says what is missing
         choices = CompileOptions(method=method, precision=request.precision, additions=additions)
         return compile_scene(model, scene, choices, patience=patience)
-
-
-def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
-    backend: Backend = IMPLEMENTATIONS.load(request.implementation)
-    if request.precision != DEFAULT_PRECISION:
-        raise RunError(f"--precision {request.precision}: the generic solver runs in {DEFAULT_PRECISION}; use --implementation generated")
-    return backend.compile(model, scene, method)
 
 
 def _compile_interpreted(

@@ -165,24 +165,18 @@ def _find_and_run(
     prepared = find_cached_run(request, parameters)
     run = None if prepared is None else execute(prepared)
     if prepared is None or run is None or (run.failure is not None and run.failure.guards):
-        return _derive_and_run(request, parameters, execute)
+        from cutjoint.commands.preparing import FinishedRun, assemble_and_run, prepare_and_run, read_request
+
+        model, scene, method = read_request(request)
+        has_functions = method != AUTO and METHODS[method].functions and request.implementation != Implementation.GENERIC
+        if scene.numerics.loops == Loops.EMBEDDED and has_functions:
+            return assemble_and_run(request, model, scene, method, parameters, execute)
+        if method != AUTO:
+            return *prepare_and_run(request, model, scene, method, parameters, execute), FinishedRun(model, scene, method, parameters)
+        from cutjoint.commands.picking import pick_and_run
+
+        return pick_and_run(request, model, scene, parameters, execute)
     return prepared, run, None
-
-
-def _derive_and_run(
-    request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
-) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    from cutjoint.commands.preparing import FinishedRun, assemble_and_run, prepare_and_run, read_request
-
-    model, scene, method = read_request(request)
-    has_functions = method != AUTO and METHODS[method].functions and request.implementation != Implementation.GENERIC
-    if scene.numerics.loops == Loops.EMBEDDED and has_functions:
-        return assemble_and_run(request, model, scene, method, parameters, execute)
-    if method != AUTO:
-        return *prepare_and_run(request, model, scene, method, parameters, execute), FinishedRun(model, scene, method, parameters)
-    from cutjoint.commands.picking import pick_and_run
-
-    return pick_and_run(request, model, scene, parameters, execute)
 
 
 def _read_others(compare: tuple[Path, ...], plots: Path | None) -> Others:

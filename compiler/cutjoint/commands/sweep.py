@@ -44,7 +44,13 @@ def command(
     require_apart({"the study": study, "the model": model, "the page of another run": ghost_page},
         documents=[("--out", out), ("--view", view)])
     if replay is not None:
-        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view, ghost_page)
+        from cutjoint.sweeps.page import replay as replay_run
+
+        view = Path(f"{study.stem}-run-{replay}.html") if view is None else view
+        ghost = read_ghost(ghost_page, view)
+        with options.progress_bar(f"running {read.model.name}"):
+            replay_run(read, replay, view, ghost)
+        options.out.print(f"view: {view}")
         return
     if ghost_page is not None:
         raise RunError(f"--ghost {ghost_page}: it needs --replay, whose page shows it")
@@ -71,15 +77,6 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
     options.out.print(f"view: {write_whole(view, make_page(study, done, command, ran))}")
     if ran:
         options.out.print(f"replays: {len(ran)} of the best and worst runs in {folder}")
-
-
-def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None:
-    from cutjoint.sweeps.page import replay
-
-    ghost = read_ghost(ghost_page, view)
-    with options.progress_bar(f"running {study.model.name}"):
-        replay(study, run, view, ghost)
-    options.out.print(f"view: {view}")
 
 
 @contextmanager

@@ -5,7 +5,6 @@ Equations of the start -> Equations -> Program, Plan -> Source
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -34,19 +33,26 @@ from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 #: Functions that are called once a run, or only where a run is checked, so that lanes are not worth while for them.
 _ONCE = frozenset({"initial_coordinates", *CHECKS})
 
-E = TypeVar("E", bound=SystemEquations)
-
 
 def schedule_system(start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool) -> tuple[SystemEquations, Program]:
     """Derive the equations and the program of a method with Newton's iteration; ``start`` finds the beginning of a run.
-    Raises RunError, MissingLibraryError: as of `plan_system`."""
+    The equations know where the entries of their tangent stand, and the plan of its factorisation. Raises RunError: the equations depend
+    on each other in a state where pivots are tried; MissingLibraryError: a library that orders matrices is not installed."""
     # Topology -> Equations
     if start.topology.model.embedded_loops and not METHODS[method].functions:
         words = join_or(names_of(METHODS, lambda m: m.functions))
         raise EquationsError(f"the method {method} does not support embedded loops; use {words}, or the loops' equations")
     equations, states = formulate_system(start, method, outputs)
     # Equations -> Program, Plan
-    return plan_system(equations, states, lanes=lanes)
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
+    functions = [(f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions]
+    program, pattern = settle_entries(
+        schedule(equations.builder, functions, lanes=lanes, last=CHECKS), len(equations.row_names), symmetric=METHODS[method].symmetric
+    )  # fmt: skip
+    equations = equations.with_tangent(places(pattern))
+    if isinstance(equations, LagrangianEquations) and METHODS[method].saddle_point and equations.row_names:
+        return replace(equations, plan=_plan_with_pivots(equations, pattern, states)), program
+    return replace(equations, plan=plan_definite(pattern)), program
 
 
 def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool, packed: bool) -> Source:
@@ -67,22 +73,6 @@ def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Outp
     states = natural.closed_states(equations)
     dependent = natural.dependent_equations(equations, [*states, *natural.states_off_a_single_pose(equations, states)])
     return without(equations, dependent, watched=len(states) == 1), states
-
-
-def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:
-    """The program of a system; ``states`` are where the pivots of a saddle point are tried.
-    The equations returned know where the entries of their tangent stand, and the plan of its factorisation. Raises RunError: the
-    equations depend on each other in one of the states; MissingLibraryError: a library that orders matrices is not installed."""
-    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
-    functions = [(f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions]
-    program, pattern = settle_entries(
-        schedule(equations.builder, functions, lanes=lanes, last=CHECKS), len(equations.row_names),
-        symmetric=METHODS[equations.method].symmetric,
-    )  # fmt: skip
-    equations = equations.with_tangent(places(pattern))
-    if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point and equations.row_names:
-        return replace(equations, plan=_plan_with_pivots(equations, pattern, states)), program
-    return replace(equations, plan=plan_definite(pattern)), program
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:

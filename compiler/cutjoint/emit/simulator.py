@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.emit.classes import CppClass, System, mechanism_class, pattern_view, system_class
+from cutjoint.emit.classes import System, mechanism_class, pattern_view, system_class
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.source import FACTORISATION, Page, Piece, Source, code_file, compiled, indicators_of, nominals_of, quotable
 from cutjoint.formulate.events import guides_jump
@@ -31,7 +31,15 @@ def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT
     page, header = Page.of(equations.start, equations.method), f"{equations.topology.model.name}_system"
     mechanism = _mechanism_files(Page.of(equations.start, "recursive, for the start"), start, equations.start)
     made = system_class(page, system, header=header, straight_line=straight_line)
-    files = _system_files(page, made, header, system)
+    more = {
+        "method": equations.method.replace("-", "_"), "factors": system.plan.storage.length,
+        "pattern": pattern_view(system.plan.pattern, equations.row_names),
+    }  # fmt: skip
+    described = emit_description(page, describe(equations), f"system_{_DESCRIPTION}", system=more)
+    assert made.factorisation is not None
+    functions = {f"system_{name}": piece for name, piece in made.functions.items()}
+    headers = {f"{header}.hpp": made.header, f"{FACTORISATION}.hpp": made.factorisation}
+    files = page.files({**headers, **functions, f"system_{_DESCRIPTION}.cpp": described})
     running = f"GeneratedSystem<generated::{made.name}<Precision>>"
     main = _main(page, [f"{page.header}.hpp", f"{header}.hpp"], "lagrangian", running=running)
     return page.source({**mechanism, **files, **main, **_project(page, "lagrangian", mechanism, files)}, driver="lagrangian")
@@ -42,19 +50,6 @@ def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations
     described = emit_description(page, describe(equations), _DESCRIPTION)
     files = page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})
     return {**files, **code_file(equations.topology.model)}
-
-
-def _system_files(page: Page, made: CppClass, header: str, system: System) -> dict[str, str]:
-    equations, plan = system.equations, system.plan
-    more = {
-        "method": equations.method.replace("-", "_"), "factors": plan.storage.length,
-        "pattern": pattern_view(plan.pattern, equations.row_names),
-    }  # fmt: skip
-    described = emit_description(page, describe(equations), f"system_{_DESCRIPTION}", system=more)
-    assert made.factorisation is not None
-    functions = {f"system_{name}": piece for name, piece in made.functions.items()}
-    headers = {f"{header}.hpp": made.header, f"{FACTORISATION}.hpp": made.factorisation}
-    return page.files({**headers, **functions, f"system_{_DESCRIPTION}.cpp": described})
 
 
 def _main(page: Page, headers: list[str], driver: str, *, running: str) -> dict[str, str]:

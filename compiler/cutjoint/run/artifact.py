@@ -20,10 +20,9 @@ from cutjoint.model.records import Joint, Model, Scene
 from cutjoint.model.targets import OBJECTIVES, split_target
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program
-from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
+from cutjoint.run.failures import places_of
 from cutjoint.run.inputs import InputLike
 from cutjoint.run.record import Settings
-from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import constant_inputs, make_run_file
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import Options, find_closure, find_goal, find_settings, with_options
@@ -211,14 +210,6 @@ def _continuation(
         prepare=lambda: make_simulator_run(exact(), options, parameters),
         initial_state=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip
-
-
-def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float]) -> Trajectory:
-    """Check that a run with ``changed`` parameters (SI units) came to its end; FailedRunError if not."""
-    if run.failure is not None:
-        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact, changed)
-        raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
-    return run
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.accuracy import run_accurately
-from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
+from cutjoint.run.artifact import Artifact, make_simulator_run
+from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
 from cutjoint.run.inputs import InputLike
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options
@@ -24,5 +25,8 @@ def simulate(
                       events=events, accuracy=accuracy, targets=targets, once=not error)  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, advise=check)
-    held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
-    return require_end(run, artifact, {**(parameters or {}), **held}) if check else run
+    if check and run.failure is not None:
+        held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
+        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact, {**(parameters or {}), **held})
+        raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
+    return run
