@@ -51,13 +51,13 @@ class _Reached:
 
 
 def with_aims(model: Model, aims: Sequence[tuple[Aim, sympy.Expr]]) -> tuple[Model, tuple[Output, ...]]:
-    """The model with a signal of an expression for each aim, and its output."""
+    """The model with a signal of an expression for each aim, and its output; without aims the model itself."""
     signals = tuple(  # no name of a file begins with an underscore
         Signal(name=f"_aim{i}", symbol=quantity_symbol(f"_aim{i}", VALUE), value=value, unit=aim.unit, span=aim.span, reported=True)
         for i, (aim, value) in enumerate(aims)
     )
     outputs = tuple(Output(element=signal.name, quantity=VALUE, span=signal.span, name=signal.name) for signal in signals)
-    return replace(model, signals=(*model.signals, *signals)), outputs
+    return replace(model, signals=(*model.signals, *signals)) if signals else model, outputs
 
 
 class AimedStart:
