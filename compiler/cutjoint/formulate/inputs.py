@@ -172,13 +172,6 @@ def report_columns(
     return {f"{array}:{o.column}": x if o.factor == 1 else builder.scale(builder.number(o.factor), x) for o, x in columns.items()}
 
 
-def aims_function(builder: Builder, quantity: Callable[[Output], Block], aims: tuple[Output, ...]) -> tuple[Function, ...]:
-    """The function of the residuals of a trimmed start's ``aims``, if it has some."""
-    arguments = ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda", "Real* aim")
-    results = report_columns(builder, quantity, aims, "aim")
-    return (Function(name="aims", arguments=arguments, results=results),) if aims else ()
-
-
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
     """The outer body's point of a tree joint in the design position: the origin of the outer body's frame."""
     return joint.at if joint.to is None or is_reversed else joint.to

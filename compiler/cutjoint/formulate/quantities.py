@@ -7,7 +7,7 @@ from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions.dependencies import SignalOrder
 from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
 from cutjoint.model.expressions.quantities import readings_of
-from cutjoint.model.records import Force, Model, Output, Scalar, Scene, Vector
+from cutjoint.model.records import Force, Model, Output, RodForce, Scalar, Scene, Vector
 from cutjoint.program.blocks import Block, Builder
 
 
@@ -53,6 +53,11 @@ def needs_place(force: Force, model: Model, scene: Scene, outputs: Iterable[Outp
 def reported_symbol(model: Model, name: str) -> Scalar | None:
     """The symbol of the expression of an output of that name; None if there is none."""
     return next((signal.symbol for signal in model.signals if signal.reported and signal.name == name), None)
+
+
+def rod_force(b: Builder, translator: Translator, sensor: RodForce, multipliers: Callable[[str], Block]) -> Block:
+    """The force of rods of distance joints: the residual of a distance is in m, so that its multiplier is the tension."""
+    return b.neg(b.total([b.scale(translator.scalar(weight), multipliers(rod)) for rod, weight in sensor.weights]))
 
 
 def named_quantity(

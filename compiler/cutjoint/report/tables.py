@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.skew import RatedChoice, RatedOption
     from cutjoint.analysis.trims import Trimmed
     from cutjoint.model.records import Model
-    from cutjoint.run.results import Batch, ErrorEstimate, Residuals, RunStatistics, Trajectory
+    from cutjoint.run.results import Batch, ErrorEstimate, RunStatistics, Trajectory
     from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
@@ -361,18 +361,9 @@ def _statistics_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
         facts = [("solver", f"{statistics.solver}, {statistics.factorisations} factorisations{fallbacks}")]
         facts += [("penalty", f"{statistics.penalty:.3g}")] if statistics.penalty == statistics.penalty else []
         facts += [("substeps", f"{statistics.substeps}")] if statistics.substeps else []
-    return [*facts, *_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
-
-
-def _residual_facts(residuals: Residuals) -> list[tuple[str, str]]:
-    """The largest residuals of loops; none where there are none."""
-    found = (("Phi", residuals.position), ("Phid", residuals.velocity), ("Phidd", residuals.acceleration))
-    parts = [f"{name} {value:.1e}" for name, value in found if value == value]
-    return [("largest residuals", ", ".join(parts))] if residuals.position > 0 else []
-
-
-def _stepping_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
-    facts = []
+    if (residuals := statistics.residuals).position > 0:
+        found = (("Phi", residuals.position), ("Phid", residuals.velocity), ("Phidd", residuals.acceleration))
+        facts.append(("largest residuals", ", ".join(f"{n} {x:.1e}" for n, x in found if x == x)))
     if statistics.rejected:
         facts.append(("taken again", f"{statistics.rejected} steps"))
     if statistics.events:

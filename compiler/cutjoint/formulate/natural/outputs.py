@@ -14,7 +14,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, is_zero
 from cutjoint.formulate.natural.quantities import NaturalQuantities
-from cutjoint.formulate.quantities import reading, reported_symbol
+from cutjoint.formulate.quantities import reading, reported_symbol, rod_force
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import reaction_component
 from cutjoint.model.records import Force, Joint, Model, Output, Reaction, RodForce, Scalar
@@ -192,23 +192,17 @@ class NaturalReporter(NaturalQuantities):
     def quantity(self, output: Output) -> Block:
         """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for.
         Raises ModelError: a reaction that points and vectors alone do not determine."""
-        name = output.element
-        for reaction in self.model.reactions:
-            if reaction.name == name:
-                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction, output.quantity)
+        name, b, translator = output.element, self.motions.builder, self.motions.translator
+        reaction = next((r for r in self.model.reactions if r.name == name), None)
+        if isinstance(reaction, RodForce):
+            of = {c.element: c for c in self.constraints}
+            return rod_force(b, translator, reaction, lambda rod: multipliers(b, of[rod]))
+        if reaction is not None:
+            maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
+            applied, (_, direction) = maker.reaction_force(reaction, output.quantity), reaction_component(reaction, output.quantity)
+            return b.dot(self.motions.direction(reaction.body, direction).x, applied)
         if any(gear.name == name for gear in self.model.gears):
-            return self.motions.builder.neg(multipliers(self.motions.builder, next(c for c in self.constraints if c.element == name)))
+            return b.neg(multipliers(b, next(c for c in self.constraints if c.element == name)))
         if (symbol := reported_symbol(self.model, name)) is not None:
-            return reading(self.motions.builder, self.motions.translator, self.model, self.quantity).scalar(symbol)
+            return reading(b, translator, self.model, self.quantity).scalar(symbol)
         return super().quantity(output)
-
-    def _reaction(self, reaction: Reaction, quantity: str) -> Block:
-        maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
-        reaction_force, (_, direction) = maker.reaction_force(reaction, quantity), reaction_component(reaction, quantity)
-        return self.motions.builder.dot(self.motions.direction(reaction.body, direction).x, reaction_force)
-
-    def _rods(self, sensor: RodForce) -> Block:
-        """The residual of a distance is in m: its multiplier is the tension."""
-        b, of = self.motions.builder, {c.element: c for c in self.constraints}
-        forces = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.weights]
-        return b.neg(b.total(forces))

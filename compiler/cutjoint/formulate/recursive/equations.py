@@ -123,7 +123,10 @@ def formulate_recursive(
         Function(name="project", arguments=("const Real* q", "const Real* violation", "Real* dz"), results={
             **{f"dz:{c.joint}": step[c.joint] for c in charts}, **still_states(b, model, "dz"),
         }),
-        *inputs.aims_function(b, reporter.quantity, aims),
+        *([Function(  # the residuals of a trimmed start
+            name="aims", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* aim"),
+            results=inputs.report_columns(b, reporter.quantity, aims, "aim"),
+        )] if aims else []),
         *guard_function(margins),
         *check_functions(indicators, domains),
         *laws.functions,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from cutjoint.formulate.quantities import reading, reported_symbol
+from cutjoint.formulate.quantities import reading, reported_symbol, rod_force
 from cutjoint.formulate.records import energy_results
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
@@ -95,26 +95,24 @@ class Reporter(Quantities):
     reactions: Reactions
 
     def quantity(self, output: Output) -> Block:
-        for reaction in self.model.reactions:
-            if reaction.name == output.element:
-                return self._rods(reaction) if isinstance(reaction, RodForce) else self.reactions.component(reaction, output.quantity)
+        b, translator = self.kinematics.builder, self.kinematics.translator
+        reaction = next((r for r in self.model.reactions if r.name == output.element), None)
+        if isinstance(reaction, RodForce):
+            of = {loop.joint.name: loop.multipliers for loop in self.loops}
+            return rod_force(b, translator, reaction, of.__getitem__)
+        if reaction is not None:
+            return self.reactions.component(reaction, output.quantity)
         for gear in self.gears:
             if gear.element.name == output.element:
-                return self.kinematics.builder.neg(gear.multipliers)
+                return b.neg(gear.multipliers)
         if (symbol := reported_symbol(self.model, output.element)) is not None:
-            return reading(self.kinematics.builder, self.kinematics.translator, self.model, self.quantity).scalar(symbol)
+            return reading(b, translator, self.model, self.quantity).scalar(symbol)
         return super().quantity(output)
 
     def acceleration(self, body: str, at: Block) -> Block:
         k, b = self.kinematics, self.kinematics.builder
         (a0, wd), (_, w) = halves(b, self.Zdd[body]), halves(b, k.frames[body].Z)
         return b.add(a0, b.add(b.cross(wd, at), b.cross(w, k.velocity(body, at))))
-
-    def _rods(self, sensor: RodForce) -> Block:
-        """The residual of a distance is in m: its multiplier is the tension."""
-        k, b = self.kinematics, self.kinematics.builder
-        loops = {loop.joint.name: loop for loop in self.loops}
-        return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.weights]))
 
 
 def prescribed_accelerations(k: Kinematics) -> dict[str, Block]:
