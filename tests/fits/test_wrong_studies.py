@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -155,3 +156,16 @@ def test_times_rise_in_the_window_alone(tmp_path: Path) -> None:
     del run["from"]
     with pytest.raises(cutjoint.CutjointError, match=r"the times of column 'pin\.angle' do not rise"):
         read_fit(study)
+
+
+def test_numbers_of_wrong_units_have_no_other_faults(tmp_path: Path) -> None:
+    """A bound, a prior or a size whose unit is wrong is not said to enclose nothing or to be zero as well."""
+    (tmp_path / "arm.yaml").write_text(ARM)
+    write(tmp_path / "d.csv", [0.0, 1.0], pin_angle=[0.0, 1.0])
+    wrong = {"start": "3 m", "from": "1 N*m*s", "to": "5 kg", "prior": {"mean": "2 N*m*s", "deviation": "3 kg"}, "size": "4 s"}
+    run = {"data": str(tmp_path / "d.csv"), "signals": {"pin.angle": {}}}
+    study = {"cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "parameters": {"friction": wrong}, "experiments": {"a": run}}
+    with pytest.raises(cutjoint.CutjointError) as found:
+        read_fit(study)
+    said = [re.sub(r".*friction\.(\S+) needs \S+, got (\S+).*", r"\1 \2", line) for line in str(found.value).splitlines()]
+    assert said == ["start m", "to kg", "prior.deviation kg", "size s"]

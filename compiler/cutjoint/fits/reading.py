@@ -169,16 +169,16 @@ class _Reading:
             self._fail(keys, "no model has a number of this name, and it has no start", "write start: and a number", at_key=True)
         elif low > high:
             self._fail(keys, f"its bounds {low:g} and {high:g} enclose nothing", "write the smaller one under 'from'", at_key=True)
-        elif not low <= start <= high or low == high:
+        elif start < low or start > high or low == high:  # none holds of what is no number
             self._fail(keys, f"its start {start:g} is not between its bounds {low:g} and {high:g}", "change one of them", at_key=True)
         mean = deviation = inf
         if part.prior is not None:
             mean, deviation = (number(getattr(part.prior, k), ("prior", k), inf) for k in ("mean", "deviation"))
-            if not deviation > 0:
+            if deviation <= 0:
                 self._fail((*keys, "prior", "deviation"), "a standard deviation is above zero")
         usual = abs(start) or (high - low if isfinite(high - low) else deviation if isfinite(deviation) else 1.0)
         size = number(part.size, ("size",), usual)
-        if part.size is not None and not size > 0:
+        if part.size is not None and size <= 0:
             self._fail((*keys, "size"), "a size is above zero")
         symbol = sympy.Symbol(name, real=True)
         self.terms[name] = Term(symbol, dimension)

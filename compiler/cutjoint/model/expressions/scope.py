@@ -186,7 +186,8 @@ class Element:
         term = term or self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
             self.fail(worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"), "", keys)
-        elif term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
+            return FAILED
+        if term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
             remedy = "correct a unit, or multiply by a number, which fits everywhere"
             span = self.scope.source.value_span((*self.path, *keys))
             self.scope.problems.note(span, f"{self.label}: {worded(field_name(keys), fault)}; {remedy}")
