@@ -186,6 +186,12 @@ SHAPES = [
         "rope: {kind: point_spring, bodies: [ground, arm], from: [1, 0, 0], to: tip, law: {table: §[[0, 1], [0, 2]]}}",
         "@: force 'rope': law.table needs a mapping; write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t",
     ),
+    (
+        DRAG,
+        "drag: {kind: joint_force, joint: hinge, law: {table: {rate: [0, 1], value: [0, 2], interpolation: §linear}}}",
+        "@: force 'drag': law.table.interpolation: belongs beside the table; "
+        "write table: {t: [0, 1], value: [0, 2]}, interpolation: linear",
+    ),
 ]
 
 

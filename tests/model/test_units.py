@@ -139,3 +139,18 @@ def test_hertz_that_are_typed(unit: str, typed: str, fault: str | None) -> None:
             continue
         with pytest.raises(RunError, match=f"parameter '{name}' is in {unit}: {fault}"):
             parameter_values(model, {name: value})
+
+
+def test_the_time_beside_a_unit_is_the_tonne() -> None:
+    """`2 rad/s*t` was said to be in N*s/m, without a reason."""
+    text = """
+cutjoint: 1
+name: crank
+gravity: [0, 0, 0]
+bodies: {crank: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: z, guide: "2 rad/s * t"}}
+outputs: [pin.angle]
+scenes: {turn: {end: 1}}
+"""
+    with pytest.raises(ModelError, match="got N\\*s/m; beside a unit 't' is the tonne: write the law in SI numbers"):
+        read_model_text(text, "crank.yaml")

@@ -182,6 +182,8 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
         case "too_long":
             return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
     hint = "write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t" if "table" in path[-2:] else ""
+    if path[-2:] == ("table", "interpolation"):
+        return "belongs beside the table", "write table: {t: [0, 1], value: [0, 2]}, interpolation: linear"
     return _EXPECTATIONS.get(flaw.kind, detail["msg"]), hint
 
 

@@ -185,7 +185,9 @@ class Element:
         ``term`` is what ``value`` was read as already."""
         term = term or self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
-            self.fail(worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"), "", keys)
+            is_tonne = names is not None and "t" in names and str(value).replace(" ", "").endswith("*t")
+            hint = "beside a unit 't' is the tonne: write the law in SI numbers, such as 0.02*t" if is_tonne else ""
+            self.fail(worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"), hint, keys)
             return FAILED
         if term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
             remedy = "correct a unit, or multiply by a number, which fits everywhere"
