@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.fits.fit import Fit, fit
+    from cutjoint.importing.network import NetworkError, network_law
     from cutjoint.model.errors import ModelError
     from cutjoint.package.errors import CutjointError, EquationsError, MissingToolsError, RunError, ToolchainError
     from cutjoint.package.extensions import MissingPackageError
@@ -62,18 +63,19 @@ if TYPE_CHECKING:
 __all__ = [
     "AdjointSensitivities", "ConstantError", "CutjointError", "EigenvalueSensitivities", "EquationsError", "EventSensitivities",
     "FailedBatchError", "FailedRealTimeError", "FailedRunError", "Fit", "ForwardSensitivities", "FrequencyResponse", "GuideError",
-    "IncompleteError", "MissingLibraryError", "MissingPackageError", "MissingToolsError", "ModelError", "NoEquilibriumError",
-    "NoInertiaError", "OutputError", "RandomVibration", "RunError", "SampledStateSpace", "Simulation", "SimulationError",
-    "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError", "build_topology",
-    "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics", "find_linear_model",
-    "find_modes", "find_trim", "fit", "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout",
-    "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
+    "IncompleteError", "MissingLibraryError", "MissingPackageError", "MissingToolsError", "ModelError", "NetworkError",
+    "NoEquilibriumError", "NoInertiaError", "OutputError", "RandomVibration", "RunError", "SampledStateSpace", "Simulation",
+    "SimulationError", "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError",
+    "build_topology", "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics",
+    "find_linear_model", "find_modes", "find_trim", "fit", "inverse_dynamics", "load", "network_law", "random_vibration", "read_model",
+    "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 #: The modules of these names, which `__getattr__` imports.
 _HOMES = {
     "analysis.inertia": "NoInertiaError", "analysis.mobility": "GuideError", "compile.pipeline": "compile_model", "fits.fit": "Fit fit",
-    "model.errors": "ModelError", "package.errors": "CutjointError EquationsError MissingToolsError RunError ToolchainError",
+    "importing.network": "NetworkError network_law", "model.errors": "ModelError",
+    "package.errors": "CutjointError EquationsError MissingToolsError RunError ToolchainError",
     "package.extensions": "MissingPackageError", "program.blocks": "ConstantError",
     "run.failures": "FailedBatchError FailedRunError IncompleteError", "run.outputs": "OutputError", "run.reading": "read_model",
     "run.simulator": "SimulatorError", "sparse.plan": "MissingLibraryError", "stepping.handle": "SimulationError", "stepping.load": "load",

@@ -72,14 +72,14 @@ def dimension_of_table(element: Element, law: values.Table) -> Dimension | None:
 
 
 def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> Mapping[str, Term]:
-    """``names`` with those of a ``let``, each an expression over the ones before it; none may hide another name."""
+    """``names`` with those of a ``let``, each a number that may be tunable, or an expression over those before; none hides another name."""
     known = names
     for name, value in let.items():
         if name in known:
             what = "parameter" if name in element.scope.names else "name above"
             element.fail(f"{field_name(keys)}: '{name}' is a {what} already", "choose another name", (*keys, name), at_key=True)
         else:
-            known = with_terms(known, {name: element.term(value, (*keys, name), known)})
+            known = with_terms(known, {name: element.tunable(element.term(value, (*keys, name), known), None, (*keys, name))})
     return known
 
 
