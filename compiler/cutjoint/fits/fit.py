@@ -37,6 +37,8 @@ _STEP, _CHANGE = 1e-8, 1e-8
 _MOST, _FEW, _FOLLOWS = 100, 6, 0.5
 #: Residuals below this share of a signal's size are rounding, and judged no further; above this multiple of a deviation they are too large.
 _ROUNDING, _LOUD = 1e-7, 2.0
+#: Numbers of a matrix that BLAS decomposes in one thread: a second one waits for it at full speed, which takes longer than many a run.
+_BLOCK = 8000
 #: Columns of the tables of fits before the parameters at the start.
 _TRIES = {"starts": (), "bootstrap": ("draw",), "profiles": ("parameter", "distance", "cost", "quantile")}
 #: Ends of profiles: the most fits, the share of the distance that they are right to, and that by which the parameter may move.
@@ -81,6 +83,15 @@ def decompose(matrix: Array) -> tuple[Array, Array]:
     """Singular values and right singular vectors of a matrix (rows, columns), as many as columns."""
     _, found, directions = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)
     return np.pad(found, (0, matrix.shape[1] - len(found))), directions
+
+
+def condense(rows: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Residuals, at most one more than parameters, with the cost, gradient and curvature of all; in blocks that BLAS does in one thread."""
+    stacked = np.column_stack([jacobian, rows])
+    height, triangle = max(_BLOCK // stacked.shape[1], 2 * stacked.shape[1]), stacked[:0]
+    for first in range(0, len(stacked), height):
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, stacked[first : first + height]]), mode="r"))
+    return triangle[:, -1], triangle[:, :-1]
 
 
 def combine(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
@@ -344,8 +355,14 @@ class Solver:
         """SciPy's result from a start, whose unknowns are shares of sizes, after so many runs at ``most``."""
         from scipy.optimize import least_squares
 
-        sizes, count, steps, left, size = self.sizes, 0, 0, False, len(self.residuals(begin)[0])
+        sizes, count, steps, left = self.sizes, 0, 0, False
         best = np.inf, tuple(begin)
+
+        def evaluate(x: Array) -> tuple[Array, Array]:
+            rows, jacobian = self.residuals(x * sizes)
+            return condense(rows, jacobian * sizes) if self.study.loss == "linear" else (rows, jacobian * sizes)
+
+        size = len(evaluate(begin / sizes)[0])
 
         def function(x: Array) -> Array:
             nonlocal count, left, best
@@ -353,7 +370,7 @@ class Solver:
                 left = True
                 return np.full(size, np.nan)
             try:
-                rows = self.residuals(x * sizes)[0]
+                rows = evaluate(x)[0]
             except CutjointError as error:  # the trust region shrinks
                 self.note(f"  a run failed, with a smaller step again: {error}")
                 return np.full(size, np.nan)
@@ -364,7 +381,7 @@ class Solver:
         try:
             for low, high in ((-np.inf, np.inf), (self.low / sizes, self.high / sizes)):  # bounds that are far away only take time
                 found = least_squares(
-                    function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(low, high), loss=self.study.loss,
+                    function, begin / sizes, lambda x: evaluate(x)[1], bounds=(low, high), loss=self.study.loss,
                     x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=most,
                 )  # fmt: skip
                 steps, begin = steps + found.njev - 1, np.clip(found.x * sizes, self.low, self.high)  # less the first run
