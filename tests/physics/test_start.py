@@ -197,3 +197,27 @@ def test_given_coordinates_beside_assembled_places_keep_the_assembly_too() -> No
     model = read_model_text(text, "leg.yaml")
     sim = load_scene(model, find_scene(model, None)).reset()
     assert sim.coordinates["shaft.angle"] == pytest.approx(0.6, abs=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [-30, 100])
+def test_a_geared_motor_turns_far_to_rest(ratio: float, tmp_path: Path) -> None:
+    """The steps of the search were limited by the motor's angle: "no static equilibrium" from a ratio of 10 on."""
+    text = f"""
+cutjoint: 1
+name: geared
+gravity: [0, 0, -9.81]
+bodies:
+  arm: {{mass: 2, centre_of_mass: [0.4, 0, 0], inertia: [0.01, 0.05, 0.05]}}
+  motor: {{mass: 0.5, centre_of_mass: [0, 0.2, 0], inertia: [0.0001, 0.0001, 0.0001]}}
+joints:
+  hinge: {{kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}
+  shaft: {{kind: revolute, bodies: [ground, motor], at: [0, 0.2, 0], axis: y}}
+gears: {{box: {{joints: [shaft, hinge], ratio: {ratio}}}}}
+forces: {{spring: {{kind: joint_force, joint: hinge, law: "-3*(position - 0.1)"}}}}
+outputs: [hinge.angle, shaft.angle]
+scenes: {{rest: {{end: 0.01, pose: equilibrium}}}}
+"""
+    run = completed(simulate(compile_text(tmp_path, text)))
+    angle = run["hinge.angle"][0]
+    assert 2 * 9.81 * 0.4 * np.cos(angle) == pytest.approx(3 * (angle - 0.1), abs=1e-6)
+    assert run["shaft.angle"][0] == pytest.approx(ratio * angle, rel=1e-9)

@@ -188,6 +188,11 @@ class Starter {
       if (descend(state, prescribed)) fault = find_equilibrium(state, prescribed);
     }
     difference_ = Real(1e-5);
+    for (reach_ = Real(10); fault && reach_ < Real(1000); reach_ *= 10) {  // a motor behind a gear turns far, and moves little
+      state = begun;
+      if (!find_equilibrium(state, prescribed)) fault = {};
+    }
+    reach_ = Real(1);
     if (!fault && !is_loaded(state, prescribed)) has_reactions_ = false;
     return fault;
   }
@@ -265,7 +270,7 @@ class Starter {
 
   /// The part of step_ that moves joints by a length relative to the arm at most; states may be far from rest, however large they are.
   Real part_of_step(double most) const {
-    return std::min(Real(1), Real(most) * arm() / std::max(size_of(step_.data(), sizes_.joint_speeds()), Real(1e-30)));
+    return std::min(Real(1), Real(most) * reach_ * arm() / std::max(size_of(step_.data(), sizes_.joint_speeds()), Real(1e-30)));
   }
 
   /// Accelerations (m/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
@@ -508,6 +513,7 @@ class Starter {
   bool has_reactions_ = false, sticks_ = false;  ///< whether forces hold prescribed coordinates, or states that stick do
   Real rounding_{0};  ///< of accelerations, by their derivatives
   Real difference_{1e-5};      ///< length of differences relative to the arm: shorter than the deflection of a stiff contact
+  Real reach_{1};  ///< factor of the largest step of the search
   bool patient_ = false;  ///< whether the search continues while its residual does not fall
 };
 
