@@ -82,7 +82,7 @@ def test_bounds_that_what_is_found_would_leave() -> None:
     sim = opened(SLED)
     sim.reset()
     sim.parameters["target"] = 90.0
-    with pytest.raises(SimulationError, match="no start near that of the model file meets the conditions of the trim"):
+    with pytest.raises(SimulationError, match=r"no start near that of the model file meets .*'throttle' \(m\.yaml:\d+"):
         sim.reset()
     assert sim.parameters["target"] == 90.0
     sim.parameters["target"] = 21.0

@@ -24,7 +24,7 @@ from cutjoint.formulate.transposed import Linearised
 from cutjoint.methods import CLOSURES, METHODS, STEPS, Formulation, Steps
 from cutjoint.model.expressions.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
-from cutjoint.model.records import Scene, SolvedTrim
+from cutjoint.model.records import Found, Scene, SolvedTrim
 from cutjoint.package.locations import licence
 from cutjoint.topology.geometry import extent
 
@@ -205,7 +205,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "settings": _settings(defaults), "by_step": _by_step(equations.scene), "tables": tables,
         "violation_limits": _violation_limits(equations, defaults.parameters),
         "end": repr(float(defaults.end)), "output_step": repr(float(defaults.output_step)),
-        "frozen": model.frozen, "trim": _trim(start, equations.scene.solved_trim, defaults),
+        "frozen": model.frozen, "trim": _trim(start, equations.scene.solved_trim),
         "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": next((i for i in range(len(equations.inputs)) if i not in guiding), None),
@@ -218,25 +218,30 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
     }  # fmt: skip
 
 
-def _trim(start: RecursiveEquations, solved: SolvedTrim | None, defaults: Defaults) -> dict[str, object] | None:
+def _trim(start: RecursiveEquations, solved: SolvedTrim | None) -> dict[str, object] | None:
     """What the start of a trimmed scene finds, and what it holds."""
     if solved is None:
         return None
-    names = {"move": start.speed_names, "rate": start.speed_names, **{
-        kind: [p.name for p in every] for kind, every in (("input", start.inputs), ("parameter", start.parameters))
-    }}  # fmt: skip
-    kept = [each for each in solved.found if each.name in names[each.kind]]
-    moves, rates = ({each.name for each in kept if each.kind == kind} for kind in ("move", "rate"))
+    kept = _found(start, solved)
+    moves, rates = ({each.name for each, _ in kept if each.kind == kind} for kind in ("move", "rate"))
     coordinates = [
         chart.v + (i if i < chart.scalars else chart.scalars) for chart in start.charts for i in range(chart.scalars + 4 * chart.ball)
     ]
     return {
-        "found": [{**vars(each), "index": names[each.kind].index(each.name)} for each in kept], "aims": len(solved.aims),
+        "found": [{**vars(each), "index": index} for each, index in kept], "aims": len(solved.aims),
         "coordinates": [_bool(start.speed_names[v] in moves) for v in coordinates],
         "speeds": [_bool(name in rates or name in solved.dependent) for name in start.speed_names],
         "follows": [_bool(name in solved.dependent) for name in start.speed_names],
         "steady": [_bool(name not in solved.unsteady) for name in start.speed_names],
     }  # fmt: skip
+
+
+def _found(start: RecursiveEquations, solved: SolvedTrim) -> list[tuple[Found, int]]:
+    """The numbers that a trim finds of the mechanism, which has no coordinates of embedded loops, and their indices."""
+    names = {"move": start.speed_names, "rate": start.speed_names, **{
+        kind: [p.name for p in every] for kind, every in (("input", start.inputs), ("parameter", start.parameters))
+    }}  # fmt: skip
+    return [(each, names[each.kind].index(each.name)) for each in solved.found if each.name in names[each.kind]]
 
 
 def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
@@ -317,7 +322,9 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     if solved := equations.scene.solved_trim:
-        tables |= {"aim_names": [a.name for a in solved.aims], "aim_places": [source.quotable(a.span.place) for a in solved.aims]}
+        found = _found(equations.mechanism, solved)
+        named = [*((aim.name, aim.span) for aim in solved.aims), *((each.name, equations.scene.span) for each, _ in found)]
+        tables |= {"aim_names": [name for name, _ in named], "aim_places": [source.quotable(span.place) for _, span in named]}
     if controllers := equations.topology.model.controllers:
         places = [source.quotable(c.span.place) for c in controllers]
         tables |= {"controller_names": [c.name for c in controllers], "controller_places": places}

@@ -91,7 +91,7 @@ class Trimming {
     if (!(largest(left) <= Real(1e-9))) return missed(worst < speeds ? FaultList::speeds : FaultList::aims, worst < speeds ? worst : worst - speeds, sizes_[worst] * left[worst]);
     for (std::size_t j = 0; j < columns; ++j)
       if (const Real value = Real(Trim::found[j].begin) + Real(Trim::found[j].size) * x[j]; !(value >= Trim::found[j].lower && value <= Trim::found[j].upper))
-        return missed(FaultList::none, j, value);
+        return missed(FaultList::aims, Trim::aims + j, value);
     return {};
   }
 
