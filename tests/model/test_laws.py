@@ -214,3 +214,10 @@ def test_a_table_over_part_of_a_scene_is_a_warning(times: str, values: str, word
     notes = [note for note in model.notes if "its table" in note]
     assert len(notes) == bool(words)
     assert not words or notes[0].endswith(words)
+
+
+@pytest.mark.parametrize(("method", "count"), [("augmented", 1), ("classical", 1), ("recursive", 0), ("auto", 0)])
+def test_a_method_without_embedded_loops_is_a_warning(method: str, count: int) -> None:
+    """`loops: embedded` of a scene with such a method was left out silently."""
+    model = read("end: 2", f"end: 2, method: {method}, numerics: {{loops: embedded}}")
+    assert sum(f"the method {method} has exact loops only; write method: recursive" in note for note in model.notes) == count

@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.methods import AUTO, PLAIN_CLOSURE, START
+from cutjoint.methods import AUTO, METHODS, PLAIN_CLOSURE, START, Loops, join_or, names_of
 from cutjoint.model.document import model_file
 from cutjoint.model.document.source import Path
 from cutjoint.model.document.values import Table
@@ -67,6 +67,10 @@ def read_scenes(model: model_file.Document, expansion: Expansion) -> tuple[dict[
 
 def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene:
     numerics = _numerics(where, scene.numerics)
+    if numerics.loops == Loops.EMBEDDED and scene.method in METHODS and not METHODS[scene.method].functions:
+        able = join_or(names_of(METHODS, lambda method: method.functions))
+        span = where.scope.source.value_span((*where.path, "numerics", "loops"))
+        where.scope.problems.note(span, f"{where.label}: the method {scene.method} has exact loops only; write method: {able}")
     guides = dict(read_drives(where, scene, stage.joints))
     locked = list(read_locks(where, scene, stage.joints))
     stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
