@@ -67,10 +67,10 @@ def read_scenes(model: model_file.Document, expansion: Expansion) -> tuple[dict[
 
 def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene:
     numerics = _numerics(where, scene.numerics)
-    if numerics.loops == Loops.EMBEDDED and scene.method in METHODS and not METHODS[scene.method].functions:
-        able = join_or(names_of(METHODS, lambda method: method.functions))
+    if numerics.loops == Loops.EMBEDDED and (method := METHODS.get(scene.method or "")) and not method.functions:
+        able = join_or(names_of(METHODS, lambda m: m.functions))
         span = where.scope.source.value_span((*where.path, "numerics", "loops"))
-        where.scope.problems.note(span, f"{where.label}: the method {scene.method} has exact loops only; write method: {able}")
+        where.scope.problems.note(span, f"{where.label}: the method {method.name} has exact loops only; write method: {able}")
     guides = dict(read_drives(where, scene, stage.joints))
     locked = list(read_locks(where, scene, stage.joints))
     stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
