@@ -20,7 +20,7 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.reduce import choose as choose_module
-from cutjoint.reduce.choose import DEARER, INACCURATE, Candidate, Choice, Search, choose, chosen_model, pairs_of, steps_of
+from cutjoint.reduce.choose import DEARER, FULL, INACCURATE, Candidate, Choice, Search, choose, chosen_model, pairs_of, steps_of
 from cutjoint.reduce.measure import distance, find_reference
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials
@@ -386,3 +386,12 @@ def test_reduce_prints_the_sequence() -> None:
     assert result.exit_code == 0, result.output
     assert "welded" in result.output
     assert "differences" not in result.output
+
+
+def test_the_full_model_is_taken_where_a_reduction_breaks_the_likeness_of_parts() -> None:
+    """An axle whose links are welded takes fewer operations and more instructions: its sides share fewer lanes."""
+    model = read_model(MODELS / "axle.yaml")
+    found = choose(model, replace(model.scenes["bump"], method="auto", accuracy=1e-4))
+    least = {name: min(c.work for c in found.evidence if c.variant == name and not c.failure) for name in (FULL, "welded")}
+    assert found.chosen.variant == FULL
+    assert least[FULL] < 0.8 * least["welded"]

@@ -122,7 +122,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     search = Search(scene, parameters, find_reference(model, scene, parameters))
     variants = _reduced_models(model, scene)
     for variant in variants:
-        search.try_model(variant)
+        search.try_model(variant, variants[0])
     if not search.good:
         for name in (method.name for method in METHODS.values() if not method.functions):  # without loop embedding
             search.try_steps(variants[0], variants[0].scene, name, DEFAULT_INTEGRATOR)
@@ -141,14 +141,15 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
 
 
 def _reduced_models(model: Model, scene: Scene) -> list[ReducedModel]:
-    """The last reduced model of each motion for the first method that supports the model."""
+    """The last reduced model of each motion for the first method that supports the model, then the full one if it is none of them."""
     *others, last = METHODS
     sequence, approximate = list[ReducedModel](), asked_of(scene) >= APPROXIMATE_FROM
     for method in others:
         with suppress(CutjointError):
             sequence = sequence or reduction_sequence(model, scene, method, approximate=approximate)
     sequence = sequence or reduction_sequence(model, scene, last, approximate=approximate)
-    return list({reduced.motion: reduced for reduced in sequence}.values())
+    last_ones = {reduced.motion: reduced for reduced in sequence}
+    return [*last_ones.values(), *(sequence[:1] if last_ones["exact"] is not sequence[0] else [])]
 
 
 def _nearest(evidence: Sequence[Candidate]) -> str:
@@ -176,14 +177,22 @@ class Search:
         """Those that keep the accuracy."""
         return [c for c in self.found if not c.failure]
 
-    def try_model(self, variant: ReducedModel) -> None:
-        """Try a reduced model: with exact and with embedded loops by one integrator, then what takes less work by all others."""
+    def try_model(self, variant: ReducedModel, exact: ReducedModel) -> None:
+        """Try a reduced model: with exact and with embedded loops by one integrator, then what takes less work by all others.
+        The full model beside an ``exact`` reduction is tried with embedded loops alone, where evaluations take fewer instructions: parts
+        that are alike share lanes, and a reduction may have left fewer of them."""
         (first, *pairs), scene = pairs_of(variant.scene.numerics), variant.scene
         if variant.motion != "exact" and not self._is_near(variant, *first):
             return
         forms = {Loops.EXACT: scene, Loops.EMBEDDED: with_loops(scene, Loops.EMBEDDED)}
         if not (variant.equations and with_requested_loops(variant.model, forms[Loops.EMBEDDED], first[0]).embedded_loops):
             del forms[Loops.EMBEDDED]
+        if variant.name == FULL != exact.name:
+            made = (self._trials(v, with_loops(v.scene, Loops.EMBEDDED), *first[:2]) for v in (variant, exact) if Loops.EMBEDDED in forms)
+            costs = [trials.iteration for trials in made]
+            if not costs or costs[0] >= costs[1]:
+                return
+            del forms[Loops.EXACT]
         tried = {loops: self.try_steps(variant, form, *first) for loops, form in forms.items()}
         best = min(tried, key=lambda loops: (bool(tried[loops].failure), tried[loops].work))
         for method, integrator, events in pairs:

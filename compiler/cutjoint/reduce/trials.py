@@ -54,14 +54,15 @@ class Trials:
     """Runs of a model by a method with given steps, without a goal.
 
     They are interpreted, and generated once these are estimated to have taken as long as compiling. ``scheduled`` is what
-    `derivation.schedule_method` made of the model. Raises CutjointError: the method cannot run it.
+    `derivation.schedule_method` made of the model; ``iteration`` are the instructions of an evaluation.  Raises CutjointError: the method
+    cannot run it.
     """
 
     def __init__(self, model: Model, scene: Scene, method: str, *, scheduled: tuple[Equations, Program] | None = None) -> None:
         self._scheduled = scheduled or schedule_method(model, scene, scene.outputs, method=method)
         self.artifact: Artifact = compile_interpreted(model, scene, method=method, scheduled=self._scheduled)
         self._operations = self._scheduled[1].operations(self.artifact.iteration)
-        self._iteration = self._scheduled[1].instructions(self.artifact.iteration)
+        self.iteration = self._scheduled[1].instructions(self.artifact.iteration)
         self._left = compiling_seconds(self._operations, method)
 
     def run(self, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
@@ -84,13 +85,13 @@ class Trials:
         coupled = STEPS[method.name][steps.integrator].by_residual
         rows = len(run.t) if coupled or not steps.dt else 0
         if not isinstance(equations, SystemEquations):
-            evaluation, projection = weighted(RECURSIVE, self._iteration, 1, closing), PROJECTION * program.instructions("project")
+            evaluation, projection = weighted(RECURSIVE, self.iteration, 1, closing), PROJECTION * program.instructions("project")
             return (run.evaluations + rows) * evaluation + (rows or run.steps) * projection
         counts = program.instructions("dynamic_residual"), 1, equations.mechanism.unknowns + closing
         evaluation = weighted(NEWTON, *counts, equations.plan.multiply_adds if coupled and equations.plan else 0)
         evaluations, tangents = ROWS[closing > 0]
         solved = run.statistics.factorisations + tangents * rows
-        return (run.evaluations + evaluations * rows) * evaluation + solved * TANGENT * self._iteration
+        return (run.evaluations + evaluations * rows) * evaluation + solved * TANGENT * self.iteration
 
 
 def weighted(weights: Sequence[float], *counts: int) -> float:

@@ -56,7 +56,7 @@ SCENES = (
     ("press", None, None, 1e-4), ("six_bar", None, None, 1e-4), ("flyball", None, 0.5, 1e-4), ("andrews", None, None, 1e-4),
     ("delta", None, None, 1e-4), ("stewart", None, None, 1e-4), ("leg", None, None, 1e-4), ("excavator", None, None, 1e-4),
     ("gantry", None, None, 1e-4), ("car", None, None, 1e-4),
-    ("axle", None, None, 1e-4), ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-3), ("iltis", "simul3", 4.0, 1e-3),
+    ("axle", "bump", None, 1e-4), ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-3), ("iltis", "simul3", 4.0, 1e-3),
 )  # fmt: skip
 SEED = 1  #: of the draws
 FAR = 2.5  #: candidates of more estimated work, as multiples of the least, are not counted
