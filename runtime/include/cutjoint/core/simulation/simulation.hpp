@@ -211,6 +211,12 @@ class Simulation {
     load();
   }
 
+  /// Apply changes since the last step, as the next step would: rollouts in lanes take over what then is.
+  void settle() {
+    apply_settings();
+    follow(next_whole());
+  }
+
   /// A step of the settings' length; on failure the state is unchanged.
   Fault step() {
     apply_settings();
