@@ -41,6 +41,7 @@ ORDERS, AFTER_FAILURE = (0.7, 2.5), 0.25
 LEFT = DEARER, INACCURATE = "dearer", "inaccurate"
 NEAR = 1e-4  #: the largest tolerance of the run that shows whether an approximate model is near at all
 APPROXIMATE_FROM = 1e-3  #: the accuracy (m, rad) from which on approximate models are tried; smaller ones they hardly keep
+NEARLY = 1.5  #: the full model is tried with steps whose work on the exact reduction is at most so many times the least
 FULL = "full"  #: the name of the model that is not reduced
 
 
@@ -193,6 +194,9 @@ class Search:
             if not costs or costs[0] >= costs[1]:
                 return
             del forms[Loops.EXACT]
+            beside = [c for c in self.good if c.variant == exact.name]
+            near = [c.steps for c in beside if c.work <= NEARLY * min(other.work for other in beside)]
+            pairs = [pair for pair in pairs if pair[1:] in {(steps.integrator, steps.events) for steps in near}]
         tried = {loops: self.try_steps(variant, form, *first) for loops, form in forms.items()}
         best = min(tried, key=lambda loops: (bool(tried[loops].failure), tried[loops].work))
         for method, integrator, events in pairs:
