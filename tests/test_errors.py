@@ -22,7 +22,7 @@ BUILT_IN: dict[str, type[Exception] | None] = {
     "ConstantError": ArithmeticError, "CutjointError": None, "EquationsError": None, "FailedBatchError": RuntimeError,
     "FailedRealTimeError": RuntimeError, "FailedRunError": RuntimeError, "GuideError": ValueError, "IncompleteError": RuntimeError,
     "MissingLibraryError": RuntimeError, "MissingPackageError": RuntimeError, "MissingToolsError": RuntimeError, "ModelError": None,
-    "NoEquilibriumError": RuntimeError,
+    "NetworkError": ValueError, "NoEquilibriumError": RuntimeError,
     "NoInertiaError": ValueError, "OutputError": ValueError, "RunError": ValueError, "SimulationError": None,
     "SimulatorError": RuntimeError, "ToolchainError": RuntimeError, "TopologyError": None,
 }  # fmt: skip

@@ -179,11 +179,15 @@ def test_the_warning_is_in_the_terminal_and_beside_the_table(tmp_path: Path) -> 
 
 
 def test_a_guide_that_jumps_unseen_is_a_warning() -> None:
-    """A speed that changes at once takes a work that no power has; steps that do not go over the jump know it."""
+    """A speed that changes at once takes a work that no power has: steps know it of a law, not of a table that is linear."""
     jumping = driven(guide='guide: "where(t < 0.5, 0, 3*(t - 0.5))"')
-    error = simulate(jumping, integrator="rk4", dt=1e-3, events="crossed").error
+    for events in ("crossed", "located"):
+        assert simulate(jumping, integrator="rk4", dt=1e-3, events=events).error.warnings == ()
+    text = DRIVEN.replace("bodies:", "parameters: {turn: {value: 0, unit: rad, binding: input}}\nbodies:", 1)
+    sampled = compiled(text.replace("GUIDE", "guide: turn").replace("NUMERICS", ""), "recursive")
+    table = {"t": [0.0, 0.5, 1.0], "value": [0.0, 0.0, 1.5], "interpolation": "linear"}
+    error = simulate(sampled, integrator="rk4", dt=1e-3, inputs={"turn": table}).error
     assert "a guide that jumps" in error.warnings[0]
-    assert simulate(jumping, integrator="rk4", dt=1e-3).error.warnings == ()
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from cutjoint.model.document.values import MAX_PIECES
-from cutjoint.package.errors import CutjointError, plural
+from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import MissingPackageError, find_package
 
 #: The largest file (bytes), and the most weights and units.
@@ -20,7 +20,7 @@ _ACTIVATIONS = {"Tanh": "tanh({})", "Sigmoid": "(1 + tanh(({})/2))/2", "Relu": "
 _LINEAR = ("Gemm", "MatMul", "Add")
 
 
-class NetworkError(CutjointError, ValueError):
+class NetworkError(RunError):
     """A file has no network that a law can be."""
 
 
