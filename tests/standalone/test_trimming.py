@@ -77,6 +77,19 @@ def test_other_start_values() -> None:
     assert sim.speeds["current.value"] == pytest.approx(-3 * 9.81 * 0.5 * np.cos(np.pi / 6) / 5, rel=1e-12)
 
 
+def test_what_the_host_sets_disturbs_what_is_found() -> None:
+    """A sled that begins slower than its throttle drives it, of the file's target and of another; the next start is steady again."""
+    sim = opened(SLED)
+    for target, throttle in ((20.0, 280 / 900), (30.0, 630 / 900)):
+        sim.parameters["target"] = target
+        sim.reset(speeds={"way.displacement_rate": 12.0})
+        assert sim.speeds["way.displacement_rate"] == 12.0
+        assert sim.get_input("throttle") == pytest.approx(throttle, rel=1e-12)
+        assert sim.accelerations["way.displacement_rate"] == pytest.approx((900 * throttle - 0.7 * 12**2) / 300, rel=1e-9)
+    sim.reset()
+    assert sim.speeds["way.displacement_rate"] == pytest.approx(30, rel=1e-12)
+
+
 def test_bounds_that_what_is_found_would_leave() -> None:
     """A sled that shall be faster than its throttle allows does not start, and its parameters stay; the next start with others does."""
     sim = opened(SLED)

@@ -29,14 +29,26 @@ class Trimming {
     const auto inputs = sim_.inputs();
     forget_found();
     Fault fault;
-    if (!sim_.settings().equilibrium && is_changed()) fault = find();
+    if (sim_.settings().equilibrium || !is_changed()) take_given();
+    else if (!(fault = find())) disturb();
     if (!fault) fault = sim_.start();
-    sim_.start_state() = given_, sim_.given_coordinates() = coordinates_, sim_.given_speeds() = speeds_;
+    take_given();
     if (fault) sim_.parameters() = parameters, sim_.inputs() = inputs;
     return fault;
   }
 
  private:
+  void take_given() { sim_.start_state() = given_, sim_.given_coordinates() = coordinates_, sim_.given_speeds() = speeds_; }
+
+  /// Keep coordinates and speeds that the host has set although they are found.
+  void disturb() {
+    StateOf<M>& start = sim_.start_state();
+    for (std::size_t i = 0; i < M::sizes.coordinates; ++i)
+      if (given_.q[i] != base_.q[i]) start.q[i] = given_.q[i], sim_.given_coordinates()[i] = given_as_fixed;
+    for (std::size_t i = 0; i < speeds; ++i)
+      if (given_.v[i] != base_.v[i]) start.v[i] = given_.v[i], sim_.given_speeds()[i] = 1;
+  }
+
   void forget_found() {
     for (const TrimmedNumber& each : Trim::found) {
       if (each.kind == TrimmedNumber::input) sim_.inputs().values[index(each)] = std::numeric_limits<Real>::quiet_NaN();
