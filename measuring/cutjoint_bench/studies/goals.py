@@ -16,14 +16,12 @@ from functools import partial
 from importlib import import_module
 from math import inf, isfinite, log10, nan
 from pathlib import Path
-from statistics import median
 from time import perf_counter
 
 import click
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
@@ -36,6 +34,7 @@ from cutjoint_bench.estimate_models import draws
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import MODELS, RESULTS
+from cutjoint_bench.studies.goal_tables import FLOOR, LEAST, estimates_table, savings_table
 from cutjoint_bench.studies.provenance import provenance
 
 Array = NDArray[np.float64]
@@ -51,9 +50,6 @@ JUDGED = 1  #: the number of what is kept: another one where runs and estimates 
 TOLERANCE, FINER = 1e-5, 1e-3  #: of judged runs by dormand-prince, and the tolerance of their local errors by that
 #: Halvings of the interval until rk4's outputs change by less than this share; more halvings of references.
 CLOSE, HALVINGS, MORE = 1e-3, 8, 4
-#: True errors below this share of the objective's size, less than this multiple of the reference's own, or below the last (SI units), are
-#: not judged.
-LEAST, ABOVE, FLOOR = 1e-9, 5.0, 1e-12
 OBJECTIVES = ("end", "maximum", "integral", "rms")
 #: Steps chosen by the weights: the tolerance of the run that has them, tolerances of the ladder, accuracies as shares of the objective, and
 #: the largest change of a tolerance.
@@ -474,8 +470,8 @@ def main(only: tuple[str, ...], kinds: tuple[str, ...]) -> None:
                 failures += [f"{case.name}, {name}: {found['failure']}"] if found["failure"] else []
     console = Console(highlight=False, width=200)
     console.print(str(provenance(())), markup=False)
-    console.print(_estimates(judged))
-    console.print(_savings(saved))
+    console.print(estimates_table(judged))
+    console.print(savings_table(saved))
     for failure in failures:
         console.print(failure, markup=False)
 
@@ -485,80 +481,6 @@ def _made(make: Callable[[], list[Record]]) -> Record:
         return {"rows": make(), "failure": ""}
     except (CutjointError, ValueError) as error:
         return {"rows": [], "failure": str(error)}
-
-
-def _counts(row: Record) -> bool:
-    """Whether the true error is neither rounding nor the reference's own."""
-    return bool(abs(row["true"]) > max(LEAST * row["size"], ABOVE * row["unknown"], FLOOR))
-
-
-def _estimates(rows: Sequence[Record]) -> Table:
-    table = Table(title="estimated over true errors of objectives", title_justify="left", box=None)
-    for heading in ("models", "integrator", "objective", "pairs", "within 2", "below 1/3", "smallest", "5 to 95 %", "second run: within 2",
-                    "below 1/3", "column: within 2", "adjoint, runs", "forward, runs", "second, runs"):  # fmt: skip
-        table.add_column(heading)
-    counted = [row for row in rows if _counts(row)]
-    groups: dict[tuple[str, str, str], list[Record]] = {}
-    for row in counted:
-        kind, integrator, objective = (row[name] for name in ("kind", "integrator", "objective"))
-        for key in ((kind, integrator, "all"), ("all", integrator, objective), ("all", integrator, "all"), ("all", "all", "all")):
-            groups.setdefault(key, []).append(row)
-    for key, group in sorted(groups.items()):
-        ratios = np.array([row["estimate"] / row["true"] for row in group])
-        seconds = np.array([row["second run"] / row["true"] for row in group])
-        columns = np.array([row["column"] / abs(row["true"]) for row in group])
-        low, high = np.nanquantile(ratios, [0.05, 0.95])
-        table.add_row(
-            *key, str(len(group)), _near(ratios), _below(ratios), f"{np.nanmin(ratios):.2g}", f"{low:.2g} to {high:.2g}", _near(seconds),
-            _below(seconds), _near(columns[np.isfinite(columns)]),
-            *(f"{np.nanmedian([row[name] for row in group]):.2g}" for name in ("adjoint", "forward")),
-            f"{median(row['evaluations of the second'] / row['evaluations'] for row in group):.2g}",
-        )  # fmt: skip
-    return table
-
-
-def _near(ratios: Array) -> str:
-    return f"{100 * float(np.mean((ratios >= 0.5) & (ratios <= 2))):.1f} %" if len(ratios) else ""
-
-
-def _below(ratios: Array) -> str:
-    return str(int(np.sum(~(ratios >= 1 / 3))))
-
-
-#: Ways to refine whole runs.
-_WAYS = ("column", "objective", "column leaping", "objective leaping")
-
-
-def _of_way(rows: Sequence[Record], way: str) -> tuple[str, str]:
-    """The median cost of a way, relative to that by columns, and how many errors it kept."""
-    done = [row for row in rows if isfinite(row["by column"]) and isfinite(row[f"error by {way}"])]
-    cost = median(row[f"by {way}"] / row["by column"] for row in done)
-    return f"{cost:.2f}", f"{sum(row[f'error by {way}'] <= 1 for row in done)} of {len(done)}"
-
-
-def _savings(rows: Sequence[Record]) -> Table:
-    table = Table(title="evaluations to an accuracy of an objective, medians", title_justify="left", box=None)
-    for heading in ("models", "objective", "share", "pairs", "weighed / uniform", "5 to 95 %", "adjoint way / column", *(
-        heading for way in _WAYS for heading in (f"{way} / column", "kept"))):  # fmt: skip
-        table.add_column(heading)
-    groups: dict[tuple[str, str, str], list[Record]] = {}
-    for row in rows:
-        kind, objective, share = row["kind"], row["objective"], f"{row['share']:g}"
-        for key in ((kind, "all", "all"), ("all", objective, "all"), ("all", "all", share), ("all", "all", "all")):
-            groups.setdefault(key, []).append(row)
-    for key, group in sorted(groups.items()):
-        bare = _ratios(group, lambda row: row["weighed"] / row["uniform"])
-        dual = _ratios(group, lambda row: (row["pilot"] * (1.6 + row["adjoint"]) + row["weighed"]) / row["by column"])
-        low, high = np.quantile(bare, [0.05, 0.95])
-        table.add_row(
-            *key, str(len(bare)), f"{median(bare):.2f}", f"{low:.2f} to {high:.2f}", f"{median(dual):.2f}",
-            *(text for way in _WAYS for text in _of_way(group, way)),
-        )  # fmt: skip
-    return table
-
-
-def _ratios(rows: Sequence[Record], of: Callable[[Record], float]) -> list[float]:
-    return [ratio for row in rows if isfinite(ratio := of(row))]
 
 
 if __name__ == "__main__":
