@@ -189,9 +189,10 @@ class Search:
         if not (variant.equations and with_requested_loops(variant.model, forms[Loops.EMBEDDED], first[0]).embedded_loops):
             del forms[Loops.EMBEDDED]
         if variant.name == FULL != exact.name:
-            made = (self._trials(v, with_loops(v.scene, Loops.EMBEDDED), *first[:2]) for v in (variant, exact) if Loops.EMBEDDED in forms)
-            costs = [trials.iteration for trials in made]
-            if not costs or costs[0] >= costs[1]:
+            costs, both = [0, 0], (variant, exact) if Loops.EMBEDDED in forms else ()
+            with suppress(CutjointError):  # what has no such loops is no candidate
+                costs = [self._trials(v, with_loops(v.scene, Loops.EMBEDDED), *first[:2]).iteration for v in both] or costs
+            if costs[0] >= costs[1]:
                 return
             del forms[Loops.EXACT]
             beside = [c for c in self.good if c.variant == exact.name]
